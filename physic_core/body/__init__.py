@@ -21,7 +21,7 @@ def load_body(source: str | Path = "embedded", device: torch.device | str = "cpu
 
     Args:
         source: "embedded", or the path of your own ``SMPLX_*.npz`` (layouts v1.0 and v1.1; its first 10 shape and 10
-            expression components are used, ``physic_core.body.smplx_file.load_smplx`` takes other numbers).
+            expression components are used, ``physic_core.body.files.smplx.load_smplx`` takes other numbers).
         device: where its tensors go.
 
     Raises:
@@ -31,6 +31,6 @@ def load_body(source: str | Path = "embedded", device: torch.device | str = "cpu
         from physic_core.body.embedded import load_embedded
 
         return load_embedded(device)
-    from physic_core.body.smplx_file import load_smplx
+    from physic_core.body.files.smplx import load_smplx
 
     return load_smplx(source, device)

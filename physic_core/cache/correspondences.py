@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body.correspondence import CORRESPONDENCE_VERSION, Correspondence, find_correspondence
+from physic_core.body.convert.correspondence import CORRESPONDENCE_VERSION, Correspondence, find_correspondence
 from physic_core.cache.claim import claim_folder
 from physic_core.cache.folders import correspondences_folder
 from physic_core.cache.lru_folder import MAP_SUFFIX
@@ -26,7 +26,7 @@ def cached_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
     """Compute the correspondence between two body meshes, or read it from the cache.
 
     Raises:
-        BodyModelError: as in :func:`physic_core.body.correspondence.find_correspondence`.
+        BodyModelError: as in :func:`physic_core.body.convert.correspondence.find_correspondence`.
     """
     folder = claim_folder(correspondences_folder())
     name = f"{_plain(rest.topology)}-{model.topology}-{_digest(rest, model)}{MAP_SUFFIX}"

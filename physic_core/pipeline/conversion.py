@@ -38,7 +38,7 @@ def convert_to_configured(bodies: Bodies, model: BodyModel, who: str, stages: St
     Raises:
         BodyModelError: the bodies have neither joints nor mesh, or too few joints for all people.
     """
-    from physic_core.body.conversion import can_convert, convert_with_residuals
+    from physic_core.body.convert.bodies import can_convert, convert_with_residuals
     from physic_core.cache.correspondences import cached_correspondence
 
     if not can_convert(bodies, model):
@@ -65,7 +65,7 @@ def transfer_contact(
     contact: ContactProbability, model: BodyModel, who: str, stages: StageRunner
 ) -> ContactProbability | None:
     """Transfer contact probabilities to the mesh of the configured body model; None and a warning on failure."""
-    from physic_core.body.conversion import convert_contact
+    from physic_core.body.convert.bodies import convert_contact
     from physic_core.cache.correspondences import cached_correspondence
 
     try:
@@ -81,6 +81,6 @@ def bodies_for_backends(bodies: Bodies, model: BodyModel) -> Bodies:
     """Add joints to bodies for other backends, unless all backends can load the body model ("embedded")."""
     if model.name == "embedded":
         return bodies
-    from physic_core.body.conversion import replace_mesh_with_joints
+    from physic_core.body.convert.bodies import replace_mesh_with_joints
 
     return replace_mesh_with_joints(bodies, model)

@@ -84,7 +84,7 @@ def body_of_result(result: Reconstruction, file: Path | None = None) -> BodyMode
             f"the result has SMPL-X bodies, whose skeleton is in your SMPL-X file, and {lost}: give its path "
             "(--body-model FILE, or body_model= in Python)"
         )
-    from physic_core.body.smplx_file import load_smplx
+    from physic_core.body.files.smplx import load_smplx
 
     parameters = result.people[0].parameters
     sizes = {"num_betas": parameters.betas.shape[1], "num_expression": parameters.expression.shape[1]}

@@ -10,10 +10,10 @@ import torch
 from numpy.typing import NDArray
 from other_body import OtherBody, make, smpl_file_arrays
 
-from physic_core.body.conversion import can_convert, convert_bodies, convert_with_residuals, rest_mesh_of_model
+from physic_core.body.convert.bodies import can_convert, convert_bodies, convert_with_residuals, rest_mesh_of_model
+from physic_core.body.files.smpl import SmplBody
 from physic_core.body.model import BodyModel
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
-from physic_core.body.smpl_file import SmplBody
 from physic_core.errors import BodyModelError
 from physic_core.types import Bodies, Mesh
 

@@ -16,8 +16,8 @@ from other_body import make, smpl_file_arrays
 from scipy.sparse import csc_matrix
 from scipy.spatial.transform import Rotation
 
+from physic_core.body.files.smpl import load_smpl, read_smpl
 from physic_core.body.model import BodyModel
-from physic_core.body.smpl_file import load_smpl, read_smpl
 from physic_core.errors import BodyModelError
 
 ADVICE = (

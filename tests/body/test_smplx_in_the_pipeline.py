@@ -11,7 +11,7 @@ import torch
 from other_body import OtherBody, smplx_file_arrays
 
 from physic_core import Reconstruction, load_config, reconstruct
-from physic_core.body.conversion import convert_bodies, replace_mesh_with_joints
+from physic_core.body.convert.bodies import convert_bodies, replace_mesh_with_joints
 from physic_core.body.model import BodyModel
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
 from physic_core.types import Bodies

@@ -12,7 +12,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from physic_core.body.correspondence import Correspondence
+from physic_core.body.convert.correspondence import Correspondence
 from physic_core.cache import correspondences
 from physic_core.cache.digest import Digester
 from physic_core.cache.result_cache import ResultCache

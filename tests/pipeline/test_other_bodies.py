@@ -11,7 +11,7 @@ import torch
 
 from physic_core import load_config, reconstruct
 from physic_core.body import load_body
-from physic_core.body.conversion import rest_mesh_of_model
+from physic_core.body.convert.bodies import rest_mesh_of_model
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.cache.result_cache import canonicalize
 from physic_core.discovery.plugins import discover

@@ -19,8 +19,8 @@ from physic_core.files.regular import open_regular
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from physic_core.body.files.smpl import SmplBody
     from physic_core.body.model import BodyModel
-    from physic_core.body.smpl_file import SmplBody
     from physic_core.types import RestMesh
 
     Array = NDArray[np.float64]
@@ -85,7 +85,7 @@ class BodyFiles:
 
     def rest(self, topology: str) -> RestMesh | None:
         """Return the mean body of a mesh topology in the T-pose, or None if its model file was not given."""
-        from physic_core.body.conversion import rest_mesh_of_model
+        from physic_core.body.convert.bodies import rest_mesh_of_model
 
         if topology == "smpl" and self.smpl is not None:
             return _smpl(self.file("smpl")).rest
@@ -239,6 +239,6 @@ def _model(source: str) -> BodyModel:
 
 @lru_cache(maxsize=3)
 def _smpl(path: Path) -> SmplBody:
-    from physic_core.body.smpl_file import load_smpl
+    from physic_core.body.files.smpl import load_smpl
 
     return load_smpl(path)

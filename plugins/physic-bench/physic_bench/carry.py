@@ -51,7 +51,7 @@ class Carrier:
     def _way(self, source: str, target: str) -> Callable[[Array], Array] | None:
         from scipy.spatial import KDTree
 
-        from physic_core.body.correspondence import find_correspondence
+        from physic_core.body.convert.correspondence import find_correspondence
 
         rest_source, rest_target = self.files.rest(source), self.files.rest(target)
         if rest_source is None or rest_target is None:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from physic_bench.damage import DamagedFileError
-from physic_core.body.array_pickle import (
+from physic_core.body.files.array_pickle import (
     InvalidArrayError,
     PickledObject,
     UnsafePickleError,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.body.nearest_surface import closest_barycentric
+from physic_core.body.convert.nearest_surface import closest_barycentric
 from physic_core.errors import InputError
 
 if TYPE_CHECKING:

@@ -116,7 +116,7 @@ class StaticContact(ContactPrior):
             probability[:, ids] = np.maximum(probability[:, ids], given)
         rest = None
         if bodies.body_model != self._model.name:
-            from physic_core.body.conversion import rest_mesh_of_model
+            from physic_core.body.convert.bodies import rest_mesh_of_model
 
             rest = rest_mesh_of_model(self._model)
         return ContactProbability(probability, self._model.topology, rest)

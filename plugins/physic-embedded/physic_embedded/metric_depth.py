@@ -131,7 +131,7 @@ class EmbeddedMetricDepth(MetricDepth):
         if self._model is None:
             self._model = load_body("embedded")
         if bodies.body_model != "embedded":
-            from physic_core.body.conversion import convert_bodies
+            from physic_core.body.convert.bodies import convert_bodies
 
             if bodies.joints is None:
                 raise BackendError(

@@ -8,7 +8,7 @@ import torch
 import trimesh
 
 from physic_core.body import JOINT_INDEX, load_body
-from physic_core.body.conversion import replace_mesh_with_joints
+from physic_core.body.convert.bodies import replace_mesh_with_joints
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.errors import BackendError, NoPersonError
 from physic_core.types import Bodies, BodyParameters, Hints, Intrinsics, Keypoints, People, Plane, Pointmap

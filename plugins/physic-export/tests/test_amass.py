@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from physic_core import Reconstruction
 from physic_core.body import load_body
-from physic_core.body.conversion import convert_bodies
+from physic_core.body.convert.bodies import convert_bodies
 from physic_core.body.model import BodyModel
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.errors import InputError

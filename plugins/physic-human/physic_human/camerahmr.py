@@ -30,7 +30,7 @@ from physic_human.smpl_checkout import SmplCheckoutBackend, SmplCheckoutOptions
 from physic_human.user_smpl import open_smpl, posed_bodies
 
 if TYPE_CHECKING:
-    from physic_core.body.smpl_file import SmplBody
+    from physic_core.body.files.smpl import SmplBody
     from physic_core.types import Bodies, FloatArray, Hints, Intrinsics, Keypoints, People, UInt8Array
 
 SIDE = 256

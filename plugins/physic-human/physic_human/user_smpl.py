@@ -15,7 +15,7 @@ from physic_core.interfaces import UserFile
 from physic_core.types import Mesh
 
 if TYPE_CHECKING:
-    from physic_core.body.smpl_file import SmplBody
+    from physic_core.body.files.smpl import SmplBody
     from physic_core.types import Bodies, FloatArray, RestMesh
 
 _ADVICE = (
@@ -47,7 +47,7 @@ def open_smpl(path: str) -> SmplBody:
     """
     if lacking := smpl_missing(path):
         raise WeightsMissingError(lacking[0])
-    from physic_core.body.smpl_file import load_smpl
+    from physic_core.body.files.smpl import load_smpl
 
     return load_smpl(Path(os.path.expanduser(path)))
 

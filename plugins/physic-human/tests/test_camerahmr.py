@@ -241,7 +241,7 @@ def test_camerahmr_conforms(check: Callable[[], None], smpl_file: Path) -> None:
 
 def test_a_perfect_network_gives_the_bodies(smpl_file: Path) -> None:
     from physic_core.body import load_body
-    from physic_core.body.conversion import convert_bodies
+    from physic_core.body.convert.bodies import convert_bodies
     from physic_core.body.parameters import rotations_from_parameters
 
     world, model = build_world("walk"), load_body("embedded")

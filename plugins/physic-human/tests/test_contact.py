@@ -297,7 +297,7 @@ def test_interactvlm_conforms(check: Callable[[], None], smpl_file: Path) -> Non
 
 def test_labels_on_smpl_reach_the_embedded_body(smpl_file: Path) -> None:
     from physic_core.body import load_body
-    from physic_core.body.conversion import convert_contact
+    from physic_core.body.convert.bodies import convert_contact
     from physic_testing.worlds import build_world
 
     world = build_world("walk")

@@ -378,7 +378,7 @@ def test_sam_3d_body_conforms(check: Callable[[], None]) -> None:
 
 def test_its_joints_are_enough_for_a_body() -> None:
     from physic_core.body import load_body
-    from physic_core.body.conversion import convert_bodies
+    from physic_core.body.convert.bodies import convert_bodies
     from physic_core.body.parameters import rotations_from_parameters
 
     world, model = build_world("walk"), load_body("embedded")

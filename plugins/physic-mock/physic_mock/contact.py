@@ -71,7 +71,7 @@ class MockContactPrior(interfaces.ContactPrior):
             BackendError: the image shows no world, or a person is nobody of it.
         """
         from physic_core.body import load_body
-        from physic_core.body.conversion import rest_mesh_of_model
+        from physic_core.body.convert.bodies import rest_mesh_of_model
 
         found = recognise_world(image)
         rows = match_people(found, people)

@@ -42,7 +42,7 @@ _ROTATIONS = ("global_orient", "body_pose", "left_hand_pose", "right_hand_pose",
 
 def check_body_model_is_known(subject: BackendUnderTest) -> None:
     """`body_model` is known, with matching betas and expression, or the bodies have joints or a mesh."""
-    from physic_core.body.conversion import can_convert
+    from physic_core.body.convert.bodies import can_convert
 
     bodies = subject.result()
     convertible = can_convert(bodies, embedded_body())

@@ -126,7 +126,7 @@ def _mirrored_vertices() -> IntArray:
     """Return for each vertex of the embedded body (V,) the nearest one on the other side of the T-pose."""
     from scipy.spatial import cKDTree
 
-    from physic_core.body.conversion import rest_mesh_of_model
+    from physic_core.body.convert.bodies import rest_mesh_of_model
 
     vertices = rest_mesh_of_model(embedded_body()).vertices
     found: IntArray = cKDTree(vertices).query(vertices * [-1, 1, 1])[1]

@@ -10,7 +10,7 @@ import numpy as np
 from physic_testing.conformance.expect import CheckSkipped
 
 if TYPE_CHECKING:
-    from physic_core.body.correspondence import Correspondence
+    from physic_core.body.convert.correspondence import Correspondence
     from physic_core.body.model import BodyModel
     from physic_core.types import (
         Bodies,
@@ -118,7 +118,7 @@ def model_of(bodies: Bodies) -> BodyModel:
     Raises:
         CheckSkipped: the model of these bodies is a file of the user, and they cannot be converted.
     """
-    from physic_core.body.conversion import can_convert
+    from physic_core.body.convert.bodies import can_convert
 
     if not can_convert(bodies, embedded_body()):
         raise CheckSkipped(
@@ -129,14 +129,14 @@ def model_of(bodies: Bodies) -> BodyModel:
 
 def parameters_of_model(bodies: Bodies) -> BodyParameters:
     """Convert bodies to the model of :func:`model_of`, and return their parameters."""
-    from physic_core.body.conversion import convert_with_residuals
+    from physic_core.body.convert.bodies import convert_with_residuals
 
     return convert_with_residuals(bodies, model_of(bodies), _find_correspondence).bodies.parameters
 
 
 def contact_on_embedded(answer: ContactProbability) -> ContactProbability:
     """Transfer contact probabilities to the mesh of the embedded body, (N, V)."""
-    from physic_core.body.conversion import convert_contact
+    from physic_core.body.convert.bodies import convert_contact
 
     return convert_contact(answer, embedded_body(), _find_correspondence)
 
@@ -149,7 +149,7 @@ def _find_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
 
 @lru_cache(maxsize=4)
 def _correspondence_of(topology: str, vertices: bytes, faces: bytes, model: BodyModel) -> Correspondence:
-    from physic_core.body.correspondence import find_correspondence
+    from physic_core.body.convert.correspondence import find_correspondence
     from physic_core.types import RestMesh
 
     points = np.frombuffer(vertices, np.float64).reshape(-1, 3)

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from physic_core.body import JOINT_INDEX, load_body
-from physic_core.body.conversion import rest_mesh_of_model
+from physic_core.body.convert.bodies import rest_mesh_of_model
 from physic_core.types import Keypoints
 from physic_mock import backends as mocks
 from physic_testing.conformance.backend_under_test import find_backend

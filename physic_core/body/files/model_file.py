@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from physic_core.body.array_pickle import (
+from physic_core.body.files.array_pickle import (
     InvalidArrayError,
     PickledObject,
     UnsafePickleError,

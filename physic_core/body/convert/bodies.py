@@ -16,12 +16,18 @@ import torch
 from numpy.typing import NDArray
 
 from physic_core.body.bones import BoneOffsets, rotations_from_parents, rotations_from_tpose
-from physic_core.body.correspondence import Correspondence, find_correspondence
-from physic_core.body.joint_fit import BodyFit, fit_joints
+from physic_core.body.convert.correspondence import Correspondence, find_correspondence
+from physic_core.body.convert.joint_fit import BodyFit, fit_joints
+from physic_core.body.convert.rotations_from_joints import finite_rows, has_torso_joints
+from physic_core.body.convert.surface_fit import (
+    SURFACE_SIGMA_M,
+    SampledBodyModel,
+    SurfaceTargets,
+    fit_surface,
+    sample_vertices,
+)
 from physic_core.body.joints import JOINT_INDEX, NUM_JOINTS
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
-from physic_core.body.rotations_from_joints import finite_rows, has_torso_joints
-from physic_core.body.surface_fit import SURFACE_SIGMA_M, SampledBodyModel, SurfaceTargets, fit_surface, sample_vertices
 from physic_core.errors import BodyModelError
 from physic_core.types import Bodies, BodyParameters, ContactProbability, Mesh, RestMesh
 

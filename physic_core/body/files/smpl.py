@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from physic_core.body.model_file import SMPL, read_model_file
+from physic_core.body.files.model_file import SMPL, read_model_file
 from physic_core.types import RestMesh
 
 _Array = NDArray[np.float64]

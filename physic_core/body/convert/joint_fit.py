@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physic_core.body.bones import BoneOffsets, fit_shape
+from physic_core.body.convert.rotations_from_joints import finite_rows, rotations_from_joints
 from physic_core.body.joints import FINGER_JOINTS, JOINT_NAMES, PARENTS, joint_pair
 from physic_core.body.rotations import rotate, rotation_between
-from physic_core.body.rotations_from_joints import finite_rows, rotations_from_joints
 
 _Array = NDArray[np.float64]
 _Bools = NDArray[np.bool_]

@@ -14,11 +14,11 @@ import torch
 from numpy.typing import NDArray
 
 from physic_core.body.bones import ANCESTOR_MATRIX, fit_shape
-from physic_core.body.joint_fit import BodyFit
+from physic_core.body.convert.joint_fit import BodyFit
+from physic_core.body.convert.nearest_surface import SurfaceIndex
+from physic_core.body.convert.surface_fit import SampledBodyModel, SurfaceTargets, fit_surface, sample_vertices
 from physic_core.body.joints import joint_pair
-from physic_core.body.nearest_surface import SurfaceIndex
 from physic_core.body.rotations import rotation_between
-from physic_core.body.surface_fit import SampledBodyModel, SurfaceTargets, fit_surface, sample_vertices
 from physic_core.errors import BodyModelError
 from physic_core.geometry.mesh import vertex_normals
 

@@ -11,9 +11,9 @@ import numpy as np
 import torch
 
 from physic_core.body.assembly import BodyArrays, build_body_model
+from physic_core.body.files.model_file import SMPLX, read_model_file
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.model import BodyModel
-from physic_core.body.model_file import SMPLX, read_model_file
 from physic_core.errors import BodyModelError
 
 _COLUMNS = {20: (10, 10), 400: (300, 100)}

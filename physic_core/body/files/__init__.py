@@ -1,0 +1,1 @@
+"""SMPL and SMPL-X files of the user, read without running what is in them."""
