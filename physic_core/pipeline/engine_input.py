@@ -14,13 +14,13 @@ from physic_core.engine.contact.objects import HeldObjects
 from physic_core.engine.contact.problem import ContactInput
 from physic_core.engine.contact.scene_parts import ClassifiedPoints
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.known_sizes import scale_scene_to_known_sizes
 from physic_core.engine.placement.detections import ObservedPeople
 from physic_core.engine.placement.human_points import PhotoPoints
 from physic_core.engine.placement.lifted_feet import depth_gaps_at_feet
 from physic_core.engine.placement.solve import EstimatedBodies, PlacementInput
 from physic_core.engine.scene.camera import Cameras
 from physic_core.engine.scene.solve import SceneInput
+from physic_core.engine.sizes import scale_scene_to_known_sizes
 from physic_core.geometry.tensors import select_pixels, tensor
 from physic_core.pipeline.floor_choice import floor_evidence
 from physic_core.pipeline.person_measures import depth_ratios
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.engine.contact.method import ContactMethod
     from physic_core.engine.joint.problem import JointResult, OtherView
-    from physic_core.engine.known_sizes import KnownScene
     from physic_core.engine.placement.solve import PlacedPeople
     from physic_core.engine.scene.solve import SceneState
+    from physic_core.engine.sizes import KnownScene
     from physic_core.pipeline.estimate import Estimates
     from physic_core.types import Intrinsics
 

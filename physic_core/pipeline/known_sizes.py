@@ -11,8 +11,14 @@ import torch
 
 from physic_core.body.ages import ADULT_YEARS, load_ages
 from physic_core.body.parameters import rotations_from_parameters
-from physic_core.engine.known_sizes import CONTRADICTION, FACTOR_SPREAD, STATURES_M, vertices_at_ray
-from physic_core.engine.scene.stature import STATURE_SIGMA, resize_bodies
+from physic_core.engine.sizes import (
+    CONTRADICTION,
+    FACTOR_SPREAD,
+    STATURE_SIGMA,
+    STATURES_M,
+    resize_bodies,
+    vertices_at_ray,
+)
 from physic_core.errors import ConfigError, InputError
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.tensors import tensor
@@ -24,8 +30,8 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel
     from physic_core.engine.joint.problem import JointProblem, JointResult
-    from physic_core.engine.known_sizes import KnownGeometry
     from physic_core.engine.scene.solve import SceneState
+    from physic_core.engine.sizes import KnownGeometry
     from physic_core.types import Bodies, FloatArray, KnownSizes, People
     from physic_core.types.known_sizes import KnownPeople
 

@@ -34,9 +34,9 @@ from physic_core.types.known_sizes import KnownPeople
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
-    from physic_core.engine.known_sizes import KnownScene
     from physic_core.engine.placement.solve import PlacedPeople, PlacementInput
     from physic_core.engine.settings import EngineSettings
+    from physic_core.engine.sizes import KnownScene
     from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.stage_runner import StageRunner
     from physic_core.types import FloatArray

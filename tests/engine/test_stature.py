@@ -10,8 +10,7 @@ import torch
 
 from physic_core import engine_preset
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.joint.terms.stature import STATURE_SIGMA
-from physic_core.engine.scene.stature import linearise_stature, stature_prior
+from physic_core.engine.sizes import STATURE_SIGMA, linearise_stature, stature_prior
 
 from .adjusted import adjusted
 

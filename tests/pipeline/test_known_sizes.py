@@ -17,8 +17,7 @@ from physic_core import InputError, KnownLength, KnownSizes, Reconstruction, loa
 from physic_core.body import load_body
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
 from physic_core.cli import main
-from physic_core.engine.known_sizes import KnownDistances, KnownGeometry, stature_factor, vertices_at_ray
-from physic_core.engine.scene.stature import betas_with_stature
+from physic_core.engine.sizes import KnownDistances, KnownGeometry, betas_with_stature, stature_factor, vertices_at_ray
 from physic_core.errors import ConfigError
 from physic_core.pipeline.known_sizes import bodies_of_stature, statures_of_people
 from physic_core.types import Bodies, People

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from physic_core.body.model import BodyModel
-from physic_core.engine.known_sizes import KnownGeometry
+from physic_core.engine.sizes import KnownGeometry
 from physic_core.errors import PhysicError
 from physic_core.geometry.tensors import to_device
 from physic_core.types.short_repr import ShortRepr

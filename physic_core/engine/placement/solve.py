@@ -15,7 +15,6 @@ from torch import Tensor
 from physic_core.body.feet_in_picture import foot_touch_probability
 from physic_core.body.joints import joint_pair
 from physic_core.body.model import BodyModel, BodyOutput
-from physic_core.engine.known_sizes import KnownScene, stature_factor
 from physic_core.engine.limbs import hands_may_hold, is_standing
 from physic_core.engine.placement.detections import ObservedPeople, reported_joints
 from physic_core.engine.placement.human_points import AlignedPhoto, PhotoPoints, align_photo
@@ -24,7 +23,7 @@ from physic_core.engine.placement.method import PlacementMethod
 from physic_core.engine.placement.place import PeopleObservations, PlacedBodies, Placement, place_bodies
 from physic_core.engine.scene.floor_below_people import FloorRejection, without_floor, wrong_floor
 from physic_core.engine.scene.solve import SceneState
-from physic_core.engine.scene.stature import resize_bodies
+from physic_core.engine.sizes import KnownScene, resize_bodies, stature_factor
 from physic_core.types.short_repr import ShortRepr
 
 _ANKLES, _SHOULDERS, _WRISTS = joint_pair("ankle"), joint_pair("shoulder"), joint_pair("wrist")

@@ -1,5 +1,41 @@
-"""Evidence of the size of people and scenes."""
+"""Evidence of the size of people and scenes: soles, torsos, statures, and the sizes that the user knows."""
 
+from physic_core.engine.sizes.body_points import BodyPoint, vertices_at_ray
+from physic_core.engine.sizes.known_sizes import (
+    KnownDistances,
+    KnownGeometry,
+    KnownScene,
+    scale_scene,
+    scale_scene_to_known_sizes,
+)
+from physic_core.engine.sizes.people_in_scene import CONTRADICTION, FACTOR_SPREAD, STATURES_M, stature_factor
 from physic_core.engine.sizes.person_scales import scales_by_soles, scales_by_torsos, standing_scores
+from physic_core.engine.sizes.stature import (
+    STATURE_SIGMA,
+    betas_with_stature,
+    linearise_stature,
+    resize_bodies,
+    stature_prior,
+)
 
-__all__ = ["scales_by_soles", "scales_by_torsos", "standing_scores"]
+__all__ = [
+    "CONTRADICTION",
+    "FACTOR_SPREAD",
+    "STATURES_M",
+    "STATURE_SIGMA",
+    "BodyPoint",
+    "KnownDistances",
+    "KnownGeometry",
+    "KnownScene",
+    "betas_with_stature",
+    "linearise_stature",
+    "resize_bodies",
+    "scale_scene",
+    "scale_scene_to_known_sizes",
+    "scales_by_soles",
+    "scales_by_torsos",
+    "standing_scores",
+    "stature_factor",
+    "stature_prior",
+    "vertices_at_ray",
+]

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from physic_core.body.parameters import parameters_from_rotations
-from physic_core.engine.scene.stature import betas_with_stature
+from physic_core.engine.sizes import betas_with_stature
 from physic_scene.rigid import mean_rotation
 
 if TYPE_CHECKING:

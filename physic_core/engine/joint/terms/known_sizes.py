@@ -9,8 +9,7 @@ from torch import Tensor
 
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
-from physic_core.engine.known_sizes import BodyPoint, vertices_at_ray
-from physic_core.engine.scene.stature import linearise_stature, stature_prior
+from physic_core.engine.sizes import BodyPoint, linearise_stature, stature_prior, vertices_at_ray
 
 KNOWN_SIGMA = 0.002
 """Expected error of the logarithm of a known size; 1 % off costs 25, as much as ten keypoints on a wrong limb."""

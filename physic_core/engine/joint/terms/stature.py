@@ -8,7 +8,7 @@ from torch import Tensor
 
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.term import PosedBodies, Term
-from physic_core.engine.scene.stature import STATURE_SIGMA, linearise_stature, stature_prior
+from physic_core.engine.sizes import STATURE_SIGMA, linearise_stature, stature_prior
 from physic_core.types.bounds import NotNegative
 
 

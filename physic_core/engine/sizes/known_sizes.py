@@ -14,22 +14,10 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.scene.solve import SceneState
-from physic_core.engine.scene.stature import STATURE_SIGMA
-from physic_core.geometry.camera import project
-from physic_core.geometry.visibility import facing_camera
 from physic_core.types import KnownSizes
 from physic_core.types.short_repr import ShortRepr
 
 _SEARCH_SHARE = 0.01  # of the long side: radius in which a pixel without a scene point takes the nearest one
-_NEIGHBOURS = 4  # vertices that give the depth of a body at a pixel
-_FACING_DEG = 89.0
-_CERTAIN = 0.2  # log factor beyond which a person is not an adult of the prior, such as a child
-FACTOR_SPREAD = 0.05
-"""Standard deviation of the logarithm of one size in the photo by another."""
-CONTRADICTION = 3 * FACTOR_SPREAD
-"""Difference of logarithms beyond which the photo contradicts a given size: three standard errors."""
-STATURES_M = (0.5, 2.2)
-"""Limits of the stature of people whose size follows from the scene."""
 
 
 @dataclass(frozen=True)
@@ -192,53 +180,3 @@ def scale_scene(scene: SceneState, known: KnownGeometry, factor: float) -> tuple
         floor=floor,
     )
     return scaled, replace(known, distances=replace(known.distances, points=known.distances.points * factor))
-
-
-def stature_factor(measured: Tensor, stature: Tensor) -> Tensor:
-    """Return the factor (B,) on the estimated statures of people in a scene of known scale.
-
-    The estimate is a prior of adults, and the scene measures each person with an error. Both are combined by their
-    spreads, unless they differ so much that the prior cannot hold.
-
-    Args:
-        measured: (B,) factor by which the scene asks to enlarge each person, NaN where unknown.
-        stature: (B,) metres, estimated.
-    """
-    log = torch.nan_to_num(measured, nan=1.0).log()
-    trust = STATURE_SIGMA**2 / (STATURE_SIGMA**2 + FACTOR_SPREAD**2)
-    share = 1 - (1 - trust) * torch.exp(-(log / _CERTAIN).square())
-    least, most = (limit / stature for limit in STATURES_M)
-    return (log * share).exp().clamp(least.clamp(max=1.0), most.clamp(min=1.0))
-
-
-@dataclass(frozen=True)
-class BodyPoint:
-    """Point of a body at a pixel: on its ray, at the weighted mean depth of the nearest visible vertices.
-
-    Attributes:
-        ids: (k,) int64.
-        weight: (k,), sums to 1.
-        ray: (3,) with z = 1.
-    """
-
-    ids: Tensor
-    weight: Tensor
-    ray: Tensor
-
-    def __call__(self, vertices: Tensor) -> Tensor:
-        """Return the point (3,) on a body with vertices (V, 3); differentiable."""
-        point: Tensor = self.ray * (vertices[self.ids, 2] @ self.weight)
-        return point
-
-
-def vertices_at_ray(vertices: Tensor, normals: Tensor, ray: Tensor, K: Tensor) -> BodyPoint:
-    """Choose the vertices of a body (V, 3) with normals (V, 3) that give its depth at a pixel's ray (3,)."""
-    seen = facing_camera(normals, vertices, _FACING_DEG)
-    seen = seen if bool(seen.any()) else torch.ones_like(seen)
-    away = (project(vertices, K) - project(ray[None], K)).square().sum(-1)
-    away = torch.where(seen, away, torch.inf)
-    nearest, ids = away.topk(min(_NEIGHBOURS, int(seen.sum())), largest=False)
-    # A vertex of a limb behind can project between those of the limb in front.
-    front = vertices[ids, 2] < vertices[ids, 2].amin() + 0.1
-    weight = front / (nearest + 0.25)
-    return BodyPoint(ids, weight / weight.sum(), ray)
