@@ -9,15 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from physic_core.body.ages import ADULT_YEARS, load_ages
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.engine.sizes import (
     CONTRADICTION,
     FACTOR_SPREAD,
-    STATURE_SIGMA,
     STATURES_M,
     resize_bodies,
-    vertices_at_ray,
+    stature_sigmas,
 )
 from physic_core.errors import ConfigError, InputError
 from physic_core.geometry.mesh import vertex_normals
@@ -216,7 +214,10 @@ def contradictions(
             f"the known length of {length.metres:g} m was not used: the scene has no depth at one of its pixels "
             f"{_pixels(length.start)} and {_pixels(length.end)}; choose pixels away from edges and inside the photo"
         )
-    for index, extent in zip(problem.known.distances.index.tolist(), _lengths(problem, result), strict=True):
+    distances = problem.known.distances
+    ends = distances.ends_on_bodies(result.vertices, vertex_normals(result.vertices, problem.model.faces), problem.K)
+    extents = distances.measure(ends, result.vertices, result.scene_scale)
+    for index, extent in zip(distances.index.tolist(), map(float, extents), strict=True):
         length = known.lengths[index]
         sizes.append((f"the length from {_pixels(length.start)} to {_pixels(length.end)}", length.metres, extent))
     apart = max((abs(math.log(max(value, 1e-9) / given)) for _, given, value in sizes), default=0.0)
@@ -256,9 +257,7 @@ def compare_statures(
     after = after + off_floor
     unknown = np.full(len(before), np.nan)
     years, stature = (unknown if known is None else known for known in (given.years, given.stature))
-    table = load_ages()
-    sigma = np.array([table.at_age(age)[1] if age < ADULT_YEARS else STATURE_SIGMA for age in years])
-    sigma[np.isfinite(stature)] = 0.0
+    sigma = stature_sigmas(stature, years)
     weight = np.where(np.isfinite(after), 1 / (sigma**2 + FACTOR_SPREAD**2), 0.0)
     growth = np.nan_to_num(after - before)
     found: list[dict[str, float | None]] = [{} for _ in before]
@@ -280,21 +279,3 @@ def compare_statures(
 
 def _pixels(at: Sequence[float]) -> str:
     return f"({at[0]:.0f}, {at[1]:.0f})"
-
-
-def _lengths(problem: JointProblem, result: JointResult) -> list[float]:
-    """Return the known distances in the result, metres."""
-    assert problem.known is not None
-    d = problem.known.distances
-    found = []
-    for i in range(len(d.metres)):
-        ends = []
-        for side, person in enumerate(d.person[i].tolist()):
-            if person < 0:
-                ends.append(d.points[i, side] * result.scene_scale)
-            else:
-                body = result.vertices[person]
-                normals = vertex_normals(body[None], problem.model.faces)[0]
-                ends.append(vertices_at_ray(body, normals, d.rays[i, side], problem.K)(body).to(d.points))
-        found.append(float(torch.linalg.vector_norm(ends[0] - ends[1])))
-    return found

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -14,6 +13,7 @@ from physic_core.engine.joint.final_scene import finalize_scene
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.placement.solve import solve_placement
 from physic_core.engine.scene.solve import solve_scene
+from physic_core.engine.sizes import log_growth_to_floor
 from physic_core.geometry.tensors import tensor
 from physic_core.pipeline.checks.specs import CHECKS
 from physic_core.pipeline.engine_input import (
@@ -94,7 +94,7 @@ def _off_floor(solution: Solution) -> FloatArray:
         if floor is None or height is None or abs(height) <= CHECKS["sole_height"].threshold:
             continue
         if is_body_straight(solution.joints[i]):
-            found[i] = -math.log1p(-min(height / floor.offset, 0.9))
+            found[i] = log_growth_to_floor(height, floor.offset)
     return found
 
 

@@ -23,7 +23,7 @@ from physic_core.engine.placement.method import PlacementMethod
 from physic_core.engine.placement.place import PeopleObservations, PlacedBodies, Placement, place_bodies
 from physic_core.engine.scene.floor_below_people import FloorRejection, without_floor, wrong_floor
 from physic_core.engine.scene.solve import SceneState
-from physic_core.engine.sizes import KnownScene, resize_bodies, stature_factor
+from physic_core.engine.sizes import KnownScene, resize_bodies, size_by_scene, stature_factor
 from physic_core.types.short_repr import ShortRepr
 
 _ANKLES, _SHOULDERS, _WRISTS = joint_pair("ankle"), joint_pair("shoulder"), joint_pair("wrist")
@@ -182,11 +182,7 @@ def _hands_may_hold(given: PlacementInput, posed: BodyOutput, up: Tensor) -> Ten
 
 
 def _size_by_scene(given: PlacementInput, scene: SceneState, method: PlacementMethod) -> Tensor:
-    """Return the factor (B,) by which people must be enlarged to stand in the scene as the photo shows them.
-
-    The photo shows the direction of each body, so that its size follows from its depth: that of the floor under visible
-    soles, else that of the person's points. Points of people are too far away by a common share, which the people on
-    the floor show. NaN where nothing is known.
+    """Return :func:`size_by_scene` (B,) of the bodies placed at their keypoints.
 
     Args:
         scene: before the known sizes, where bodies and scene roughly agree: it shows who stands on furniture.
@@ -197,20 +193,12 @@ def _size_by_scene(given: PlacementInput, scene: SceneState, method: PlacementMe
     evidence = _observations(given.detections, photo, feet_seen, method)
     placed = place_bodies(posed, evidence, scene.K, scene.floor_plane, method)
     vertices = posed.vertices + (placed.keypoint_transl.to(posed.transl) - posed.transl)[:, None]
-    by_floor, by_points = (torch.full_like(vertices[:, 0, 0], torch.nan) for _ in range(2))
-    for i, (body, person) in enumerate(zip(vertices, placed.people, strict=True)):
-        if scene.floor_plane is not None and person.on_floor and person.grounded:
-            normal, offset = scene.floor_plane
-            drop = -(body[given.bodies.model.soles] @ normal.to(body)).amin()
-            by_floor[i] = offset / drop if bool(drop > 0) else torch.nan
-        if len(photo.people[i]):
-            by_points[i] = photo.people[i][:, 2].median().to(body) / body[:, 2].median()
-    too_far = (by_points / by_floor).nanmedian().nan_to_num(nan=1.0)
-    return torch.where(torch.isfinite(by_floor), by_floor, by_points / too_far)
+    on_floor = [person.on_floor and person.grounded for person in placed.people]
+    return size_by_scene(vertices, given.bodies.model.soles, on_floor, scene.floor_plane, photo.people)
 
 
 def _resized(bodies: EstimatedBodies, ratio: Tensor, known_stature: Tensor) -> EstimatedBodies:
-    """Resize people of unknown stature by the factors (B,) of :func:`_size_by_scene`."""
+    """Resize people of unknown stature by the factors (B,) of :func:`size_by_scene`."""
     own = bodies.model.stature(bodies.betas)
     wanted = torch.where(torch.isfinite(known_stature.to(own)), own, own * stature_factor(ratio, own))
     parts = (bodies.rotations.flatten(1), bodies.betas, bodies.expression, bodies.transl)

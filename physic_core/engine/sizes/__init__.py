@@ -1,14 +1,22 @@
 """Evidence of the size of people and scenes: soles, torsos, statures, and the sizes that the user knows."""
 
-from physic_core.engine.sizes.body_points import BodyPoint, vertices_at_ray
+from physic_core.engine.sizes.body_points import vertices_at_ray
 from physic_core.engine.sizes.known_sizes import (
+    BodyEnds,
     KnownDistances,
     KnownGeometry,
     KnownScene,
     scale_scene,
     scale_scene_to_known_sizes,
 )
-from physic_core.engine.sizes.people_in_scene import CONTRADICTION, FACTOR_SPREAD, STATURES_M, stature_factor
+from physic_core.engine.sizes.people_in_scene import (
+    CONTRADICTION,
+    FACTOR_SPREAD,
+    STATURES_M,
+    log_growth_to_floor,
+    size_by_scene,
+    stature_factor,
+)
 from physic_core.engine.sizes.person_scales import scales_by_soles, scales_by_torsos, standing_scores
 from physic_core.engine.sizes.stature import (
     STATURE_SIGMA,
@@ -16,6 +24,7 @@ from physic_core.engine.sizes.stature import (
     linearise_stature,
     resize_bodies,
     stature_prior,
+    stature_sigmas,
 )
 
 __all__ = [
@@ -23,19 +32,22 @@ __all__ = [
     "FACTOR_SPREAD",
     "STATURES_M",
     "STATURE_SIGMA",
-    "BodyPoint",
+    "BodyEnds",
     "KnownDistances",
     "KnownGeometry",
     "KnownScene",
     "betas_with_stature",
     "linearise_stature",
+    "log_growth_to_floor",
     "resize_bodies",
     "scale_scene",
     "scale_scene_to_known_sizes",
     "scales_by_soles",
     "scales_by_torsos",
+    "size_by_scene",
     "standing_scores",
     "stature_factor",
     "stature_prior",
+    "stature_sigmas",
     "vertices_at_ray",
 ]

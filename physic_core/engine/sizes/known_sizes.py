@@ -14,10 +14,15 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.scene.solve import SceneState
+from physic_core.engine.sizes.body_points import BodyPoint, vertices_at_ray
 from physic_core.types import KnownSizes
 from physic_core.types.short_repr import ShortRepr
 
 _SEARCH_SHARE = 0.01  # of the long side: radius in which a pixel without a scene point takes the nearest one
+
+
+BodyEnds = tuple[BodyPoint | None, ...]
+"""Points of the two ends of a distance on bodies; None for an end on the scene."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +42,33 @@ class KnownDistances(ShortRepr):
     points: Tensor
     rays: Tensor
     index: Tensor
+
+    def ends_on_bodies(self, vertices: Tensor, normals: Tensor, K: Tensor) -> list[BodyEnds]:
+        """Choose, for each distance, the points of its ends on bodies (B, V, 3) with normals (B, V, 3)."""
+        return [
+            tuple(
+                vertices_at_ray(vertices[person], normals[person], ray, K) if person >= 0 else None
+                for person, ray in zip(people, rays, strict=True)
+            )
+            for people, rays in zip(self.person.tolist(), self.rays, strict=True)
+        ]
+
+    def measure(self, ends: Sequence[BodyEnds], vertices: Tensor, scale: Tensor | float) -> list[Tensor]:
+        """Return the distances, metres, between people with vertices (B, V, 3) in a scene at a scale; differentiable.
+
+        Args:
+            ends: of :meth:`ends_on_bodies`.
+            vertices: (B, V, 3).
+            scale: factor on the points of the scene.
+        """
+        found = []
+        for i, on_bodies in enumerate(ends):
+            start, end = (
+                self.points[i, side] * scale if on is None else on(vertices[person])
+                for side, (on, person) in enumerate(zip(on_bodies, self.person[i].tolist(), strict=True))
+            )
+            found.append(torch.linalg.vector_norm(start - end))
+        return found
 
     def __getitem__(self, rows: Tensor) -> KnownDistances:
         return KnownDistances(

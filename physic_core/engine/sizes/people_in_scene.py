@@ -1,6 +1,9 @@
-"""Size of people in a scene of known scale."""
+"""Size of people in a scene: by the floor under their soles, and by their points. Camera frame, metres."""
 
 from __future__ import annotations
+
+import math
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor
@@ -14,6 +17,48 @@ CONTRADICTION = 3 * FACTOR_SPREAD
 """Difference of logarithms beyond which the photo contradicts a given size: three standard errors."""
 STATURES_M = (0.5, 2.2)
 """Limits of the stature of people whose size follows from the scene."""
+
+
+def size_by_scene(
+    vertices: Tensor,
+    soles: Tensor,
+    on_floor: Sequence[bool],
+    floor: tuple[Tensor, float] | None,
+    points: Sequence[Tensor],
+) -> Tensor:
+    """Return the factor (B,) by which people must be enlarged to stand in the scene as the photo shows them.
+
+    The photo shows the direction of each body, so that its size follows from its depth: that of the floor under visible
+    soles, else that of the person's points. Points of people are too far away by a common share, which the people on
+    the floor show. NaN where nothing is known.
+
+    Args:
+        vertices: (B, V, 3), each body where the photo shows it.
+        soles: (S,) int64, vertices of the soles.
+        on_floor: of B people, whether the soles are seen on the floor.
+        floor: unit normal (3,) and offset.
+        points: of B people, (n, 3) each.
+    """
+    by_floor, by_points = (torch.full_like(vertices[:, 0, 0], torch.nan) for _ in range(2))
+    for i, body in enumerate(vertices):
+        if floor is not None and on_floor[i]:
+            normal, offset = floor
+            drop = -(body[soles] @ normal.to(body)).amin()
+            by_floor[i] = offset / drop if bool(drop > 0) else torch.nan
+        if len(points[i]):
+            by_points[i] = points[i][:, 2].median().to(body) / body[:, 2].median()
+    too_far = (by_points / by_floor).nanmedian().nan_to_num(nan=1.0)
+    return torch.where(torch.isfinite(by_floor), by_floor, by_points / too_far)
+
+
+def log_growth_to_floor(sole_height: float, floor_offset: float) -> float:
+    """Return the log factor by which a person must grow about the camera for the soles to meet the floor.
+
+    Args:
+        sole_height: of the lowest sole over the floor; 0.9 of the camera's height counts as the most.
+        floor_offset: height of the camera over the floor.
+    """
+    return -math.log1p(-min(sole_height / floor_offset, 0.9))
 
 
 def stature_factor(measured: Tensor, stature: Tensor) -> Tensor:

@@ -8,11 +8,17 @@ between them. The scene's share is ``sigma_s^2 / (sigma_s^2 + sigma_h^2)``.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
+import numpy as np
 import torch
 from torch import Tensor
 
+from physic_core.body.ages import ADULT_YEARS, load_ages
 from physic_core.body.model import BodyModel
+
+if TYPE_CHECKING:
+    from physic_core.types import FloatArray
 
 STATURE_SIGMA = 0.06
 """Expected error of log(stature). With the embedded body's shape prior (0.054) the combined error is 0.04."""
@@ -48,9 +54,22 @@ def linearise_stature(model: BodyModel, betas: Tensor) -> LinearStature:
     return LinearStature(height.detach(), slope, betas.detach())
 
 
-def stature_prior(height: Tensor, expected: Tensor, sigma: float) -> Tensor:
+def stature_prior(height: Tensor, expected: Tensor, sigma: float = STATURE_SIGMA) -> Tensor:
     """Return the prior energy ``(log h - log h0)^2 / sigma^2`` (B,) of heights (B,), metres."""
     return ((height.clamp(min=0.1) / expected).log() / sigma).square()
+
+
+def stature_sigmas(stature: FloatArray, years: FloatArray) -> FloatArray:
+    """Return the expected error (N,) of log(stature) of people, some of known stature or age.
+
+    Args:
+        stature: (N,) metres, NaN where unknown.
+        years: (N,), NaN where unknown.
+    """
+    ages = load_ages()
+    sigma = np.array([ages.at_age(age)[1] if age < ADULT_YEARS else STATURE_SIGMA for age in years])
+    sigma[np.isfinite(stature)] = 0.0
+    return sigma
 
 
 def betas_with_stature(model: BodyModel, betas: Tensor, stature: Tensor) -> Tensor:

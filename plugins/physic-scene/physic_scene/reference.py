@@ -18,6 +18,7 @@ from physic_core.body.parameters import rotations_from_parameters
 from physic_core.configuration.resolve import ResolvedPipeline, resolve
 from physic_core.discovery.plugins import discover
 from physic_core.engine.joint.problem import OtherView
+from physic_core.engine.sizes import STATURE_SIGMA
 from physic_core.types import (
     Bodies,
     BodyParameters,
@@ -45,7 +46,6 @@ if TYPE_CHECKING:
     from physic_scene.people import PersonOfScene
     from physic_scene.selection import Photo
 
-_STATURE_SIGMA = 0.06  # of log(stature) of one person, whose mean gives the scale
 _ON_FLOOR_M = 0.25  # largest height of the lowest point of a person who may stand on the floor
 _STAND_M = 0.03  # error of that point
 _FLOOR_DEG = 4.0  # error of the mean normal
@@ -89,7 +89,7 @@ class ReferenceInput(ShortRepr):
         result = photos[v].result
         scale = scene_scales(solved)[v]
         depth = np.where(result.scene.valid, scale * result.scene.points[..., 2], np.nan).astype(np.float32)
-        sigma = float(np.hypot(_STATURE_SIGMA / np.sqrt(len(solved.rows)), _OTHER_SIGMA))
+        sigma = float(np.hypot(STATURE_SIGMA / np.sqrt(len(solved.rows)), _OTHER_SIGMA))
         parts = [person.parameters for person in people]
         parameters = BodyParameters(
             **{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])}

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
-from physic_core.engine.sizes import BodyPoint, linearise_stature, stature_prior, vertices_at_ray
+from physic_core.engine.sizes import BodyEnds, linearise_stature, stature_prior
 
 KNOWN_SIGMA = 0.002
 """Expected error of the logarithm of a known size; 1 % off costs 25, as much as ten keypoints on a wrong limb."""
@@ -24,18 +24,11 @@ class KnownSizeTerm(Term):
         self._known, self._K = problem.known, problem.K
         self._floor_offset = problem.floor_offset
         self._stature = linearise_stature(problem.model, problem.betas0)
-        self._ends: list[tuple[BodyPoint | None, ...]] = []
+        self._ends: list[BodyEnds] = []
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Choose the vertices of people at the pixels of known lengths."""
-        d, normals = self._known.distances, snapshot.visibility.normals
-        self._ends = [
-            tuple(
-                vertices_at_ray(snapshot.vertices[person], normals[person], ray, self._K) if person >= 0 else None
-                for person, ray in zip(people, rays, strict=True)
-            )
-            for people, rays in zip(d.person.tolist(), d.rays, strict=True)
-        ]
+        self._ends = self._known.distances.ends_on_bodies(snapshot.vertices, snapshot.visibility.normals, self._K)
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energies "known_stature" and "known_scene"; the second is divided equally among the people."""
@@ -47,12 +40,7 @@ class KnownSizeTerm(Term):
         if known.camera_height is not None and self._floor_offset:
             height = estimate.log_scale + math.log(self._floor_offset / known.camera_height)
             shared = shared + (height / KNOWN_SIGMA).square()
-        for i, ends in enumerate(self._ends):
-            d = known.distances
-            start, end = (
-                d.points[i, side] * estimate.log_scale.exp() if on is None else on(bodies.vertices[person])
-                for side, (on, person) in enumerate(zip(ends, d.person[i].tolist(), strict=True))
-            )
-            extent = torch.linalg.vector_norm(start - end).clamp(min=1e-3)
-            shared = shared + ((extent / d.metres[i]).log() / KNOWN_SIGMA).square()
+        extents = known.distances.measure(self._ends, bodies.vertices, estimate.log_scale.exp())
+        for extent, metres in zip(extents, known.distances.metres, strict=False):
+            shared = shared + ((extent.clamp(min=1e-3) / metres).log() / KNOWN_SIGMA).square()
         return {"known_stature": own, "known_scene": (shared / len(own)).expand(len(own))}

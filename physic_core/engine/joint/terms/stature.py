@@ -8,7 +8,7 @@ from torch import Tensor
 
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.term import PosedBodies, Term
-from physic_core.engine.sizes import STATURE_SIGMA, linearise_stature, stature_prior
+from physic_core.engine.sizes import linearise_stature, stature_prior
 from physic_core.types.bounds import NotNegative
 
 
@@ -32,5 +32,5 @@ class StatureTerm(Term):
         """Return the energy "stature"."""
         if self._stature is None:
             return {}
-        prior = stature_prior(self._stature(bodies.estimate.betas), self._stature.height, STATURE_SIGMA)
+        prior = stature_prior(self._stature(bodies.estimate.betas), self._stature.height)
         return {"stature": self._weight * prior}
