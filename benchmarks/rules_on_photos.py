@@ -83,8 +83,9 @@ def answer_of(sample: Sample, rule: Rule, removed: Sequence[Rule], out: Path) ->
 def table_of(samples: Sequence[Sample], rows: Sequence[Rule], out: Path) -> str:
     """Return the Markdown table: pose and contact of limbs of each row."""
     lines = [
-        "| without | PA mm | feet, balanced | hands, balanced | limbs' calibration error | photos changed |",
-        "|---|" + "---|" * 5,
+        "| without | PA mm | feet, balanced | hands, balanced | seats, balanced | limbs' calibration error "
+        "| photos changed |",
+        "|---|" + "---|" * 6,
     ]
     base = [answer_of(s, BASE, (), out) for s in samples]
     for rule in rows:
@@ -92,8 +93,8 @@ def table_of(samples: Sequence[Sample], rows: Sequence[Rule], out: Path) -> str:
         found = compared(samples, answers)
         poses = [p["pa_mpjpe_mm"] for p in found["people"] if p.get("pa_mpjpe_mm") is not None]
         cells = [f"{sum(poses) / len(poses):.1f}" if poses else "-"]
-        limbs = ("feet", "hands")
-        for name, kinds in (("balanced", limbs[:1]), ("balanced", limbs[1:]), ("calibration", limbs)):
+        limbs = ("feet", "hands", "seat")
+        for name, kinds in (*(("balanced", (limb,)) for limb in limbs), ("calibration", limbs[:2])):
             mine = [one for one in found["parts"] if one["kind"] in kinds]
             scores = probability_scores([one["probability"] for one in mine], [one["touches"] for one in mine])
             cells.append(f"{scores[name]:.3f}" if mine else "-")

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 
-def geman_mcclure(squared: Tensor, c: float) -> Tensor:
+def geman_mcclure(squared: Tensor, c: float | Tensor) -> Tensor:
     """Return the Geman-McClure loss of squared residuals (...): ``c^2 / 2`` at residual ``c``, always below ``c^2``."""
     return squared / (1.0 + squared / c**2)
 
@@ -28,19 +28,19 @@ def absolute(squared: Tensor) -> Tensor:
     return torch.where(off, torch.sqrt(torch.where(off, squared, torch.ones_like(squared))), squared)
 
 
-def cauchy(squared: Tensor, c: float) -> Tensor:
+def cauchy(squared: Tensor, c: float | Tensor) -> Tensor:
     """Return the Cauchy loss of squared residuals (...), with the largest derivative at residual ``c``."""
     return c**2 * torch.log1p(squared / c**2)
 
 
-def pseudo_huber(squared: Tensor, c: float) -> Tensor:
+def pseudo_huber(squared: Tensor, c: float | Tensor) -> Tensor:
     """Return the pseudo-Huber loss of squared residuals (...): quadratic below ``c``, linear above."""
     # Equal to sqrt(1 + q) - 1, but accurate for small q in float32.
     q = squared / c**2
     return 2.0 * c**2 * q / (torch.sqrt(1.0 + q) + 1.0)
 
 
-def barron(squared: Tensor, alpha: float, c: float) -> Tensor:
+def barron(squared: Tensor, alpha: float, c: float | Tensor) -> Tensor:
     """Return the general robust loss of Barron (CVPR 2019) times ``2 c^2``, about ``x^2`` near zero.
 
     Args:
@@ -60,14 +60,14 @@ def barron(squared: Tensor, alpha: float, c: float) -> Tensor:
     return 2.0 * c**2 * (b / alpha) * torch.expm1((alpha / 2.0) * torch.log1p(q / b))
 
 
-def robust_loss(kind: str, squared: Tensor, c: float) -> Tensor:
+def robust_loss(kind: str, squared: Tensor, c: float | Tensor) -> Tensor:
     """Return the loss ``kind`` of squared residuals.
 
     Args:
         kind: "square", "absolute", "pseudo_huber", "cauchy", "geman_mcclure", or "barron": the default of the
             library that the paper uses, of shape 1 and half of the square near zero.
         squared: (...) squared residuals.
-        c: scale; not used by "square" and "absolute".
+        c: scale, one for all or (...); not used by "square" and "absolute".
 
     Raises:
         PhysicError: ``kind`` is unknown.
@@ -83,7 +83,7 @@ def robust_loss(kind: str, squared: Tensor, c: float) -> Tensor:
     return _BY_NAME[kind](squared, c)
 
 
-def loss_with_slope(kind: str, q: Tensor, c: float) -> tuple[Tensor, Tensor]:
+def loss_with_slope(kind: str, q: Tensor, c: float | Tensor) -> tuple[Tensor, Tensor]:
     """Return the robust loss ``kind`` and the derivative, for squared residuals divided by ``c^2``.
 
     Args:

@@ -10,7 +10,7 @@ from torch import Tensor
 from physic_core.engine.distances import signed_distance
 from physic_core.engine.joint.context import JointContext
 from physic_core.geometry.free_space import in_free_space
-from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
+from physic_core.geometry.neighbors import Nearest, NearestPointSearch, inside_body_boxes
 from physic_core.geometry.plane import height_over_plane
 
 MAX_MOTION_M = 0.6
@@ -25,7 +25,7 @@ class ContactState:
     """Nearest scene points and distances of the subsampled vertices (B, n).
 
     Attributes:
-        found: bool, a scene point is within the search radius.
+        found: bool, a scene point is within the reach of the vertex.
         distance: to that point, metres.
         signed: along its normal, metres, negative inside; inf if no point is found.
         height: over the floor's plane, metres; inf if there is no plane.
@@ -53,10 +53,21 @@ class ContactState:
 
 def nearby_scene(context: JointContext, vertices: Tensor, scale: float) -> NearestPointSearch:
     """Build the search structure of the scene points near people (B, V, 3), with a margin for their motion."""
-    radius = context.search_radius_m
+    radius = float(context.reach_m.amax())
     points, normals = context.problem.scene_points, context.problem.scene_normals
     keep = inside_body_boxes(points, vertices / scale, (radius + MAX_MOTION_M) / scale)
-    return NearestPointSearch(points[keep], normals[keep], radius)
+    return NearestPointSearch(points[keep], normals[keep], context.search_radius_m)
+
+
+def _query(context: JointContext, scene: NearestPointSearch, vertices: Tensor, scale: float) -> Nearest:
+    """Find the nearest scene point of each vertex (B, n, 3) within its reach."""
+    nearest = scene.query(vertices, scale)
+    farther = context.reach_m > context.search_radius_m
+    if bool(farther.any()):
+        of_seats = scene.query(vertices[farther], scale, float(context.reach_m.amax()))
+        for known, own in zip((nearest.index, nearest.distance, nearest.found), vars(of_seats).values(), strict=True):
+            known[farther] = own
+    return nearest
 
 
 @torch.no_grad()
@@ -72,7 +83,7 @@ def update_contacts(
         scale: of the scene.
     """
     problem, plane = context.problem, context.problem.floor_normal
-    nearest = scene.query(vertices, scale)
+    nearest = _query(context, scene, vertices, scale)
     far, zeros = torch.full_like(context.area, torch.inf), torch.zeros_like(context.area)
     no = torch.zeros_like(context.on_visible_part)
     free = no if context.fronts is None else in_free_space(vertices / scale, context.fronts, problem.K)

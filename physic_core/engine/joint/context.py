@@ -24,7 +24,7 @@ class WeightedKeypoints:
 
     Attributes:
         points: (B, J, 2) px, finite.
-        weight: (B, J), 0 for keypoints that are left out.
+        weight: (B, J), 0 for keypoints that are skipped.
         confident: (B, J) bool, confident keypoints on visible limbs.
     """
 
@@ -41,6 +41,7 @@ class JointContext:
         problem: as the energy uses it (``JointMethod.prepare``), with finite people only.
         visibility: settings.
         search_radius_m: of vertices for scene points, metres.
+        reach_m: (B, n) the same of each vertex: larger for seats, see :meth:`JointMethod.seat_reach_m`.
         ids: (n,) int64, indices of the subsampled vertices.
         faces: (f, 3) int64, those at the subsampled vertices.
         faces_of_vertices: (n, most) int64, adjacent ``faces`` of each subsampled vertex, padded with f.
@@ -65,6 +66,7 @@ class JointContext:
     problem: JointProblem
     visibility: VisibilitySettings
     search_radius_m: float
+    reach_m: Tensor
     ids: Tensor
     faces: Tensor
     faces_of_vertices: Tensor

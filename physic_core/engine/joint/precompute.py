@@ -37,12 +37,15 @@ def precompute(problem: JointProblem, method: JointMethod) -> JointContext:
     area = vertex_areas(start.vertices, model.faces)
     ids, area = subsample_vertices(model, is_contact.any(0), method.visibility.vertex_spacing_m, area)
     person_px = _person_px(problem, start.joints[:, 0])
+    standing = _standing(problem, start.joints, observed)
+    sits = is_contact & _seat(model) & ~standing[:, None]
     depth = problem.human_depth
     faces, around = faces_around_vertices(model.faces, model.faces_of_vertices[ids])
     context = JointContext(
         problem=problem,
         visibility=method.visibility,
         search_radius_m=method.search_radius_m,
+        reach_m=torch.where(sits, method.seat_reach_m, method.search_radius_m)[:, ids],
         ids=ids,
         faces=faces,
         faces_of_vertices=around,
@@ -57,7 +60,7 @@ def precompute(problem: JointProblem, method: JointMethod) -> JointContext:
         person_px=person_px,
         start=start,
         relative=root_relative(start.vertices[:, ids], start.joints[:, 0], problem.rotations0[:, 0]),
-        standing=_standing(problem, start.joints, observed),
+        standing=standing,
         feet_visible=observed[:, _ANKLES] & inside_image(project(start.joints[:, _ANKLES], problem.K), height, width),
         log_depth=None if depth is None else torch.where(depth > 0, depth, torch.nan).log(),
         fronts=None if problem.scene_depth is None else front_depth(problem.scene_depth),
@@ -120,6 +123,14 @@ def _above_knees(model: BodyModel) -> Tensor:
     """Return the vertices (V,) bool on neither a lower leg nor a foot."""
     high = [not name.endswith(("lower_leg", "foot")) for name in model.part_names]
     return torch.tensor(high, device=model.part_of_vertex.device)[model.part_of_vertex]
+
+
+def _seat(model: BodyModel) -> Tensor:
+    """Return the vertices (V,) bool of buttocks and thighs."""
+    seat = torch.zeros_like(model.outer)
+    for name in ("gluteus", "thighs"):
+        seat[model.contact_sets.get(name, model.part_of_vertex.new_zeros(0))] = True
+    return seat
 
 
 def _sole_rows(model: BodyModel, ids: Tensor) -> tuple[Tensor, Tensor]:
