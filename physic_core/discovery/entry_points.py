@@ -3,32 +3,26 @@
 from __future__ import annotations
 
 import os
-import sys
 import time
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import redirect_stdout
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 from physic_core.discovery.error_text import describe_error
 from physic_core.discovery.offers import BackendOffer, BrokenPlugin, Manifest, Origin, backend_record_problem
-from physic_core.discovery.plugin_code import plugin_code
-from physic_core.discovery.records import RECORD_HOOKS, BackendRecord
+from physic_core.discovery.records import RECORD_HOOKS
 from physic_core.discovery.registration import (
     PLUGINS_GROUP,
     PLUGINS_VARIABLE,
+    WEIGHTS_HOOK,
     InvalidPluginError,
+    call_hook,
     distribution_of,
-    load_plugin,
     module_of,
-    records_of_hook,
+    register_plugins,
     select_entry_points,
 )
-
-if TYPE_CHECKING:
-    import pluggy
 
 
 @dataclass(frozen=True)
@@ -63,27 +57,37 @@ def find_plugins(
         clock: returns the time in seconds.
     """
     entries, unknown = select_entry_points(PLUGINS_GROUP, installed, environment)
-    broken = [BrokenPlugin(Origin("", name), f"named in {PLUGINS_VARIABLE} but not installed") for name in unknown]
-    offers: list[BackendOffer] = []
-    manifests: list[Manifest] = []
-    for entry in sorted(entries, key=lambda e: (distribution_of(e)[0], e.name)):
-        start = clock()
-        try:
-            # Output of a plugin must not mix with the output of a command.
-            with plugin_code(), redirect_stdout(sys.stderr):
-                manager = load_plugin(entry)
-                records = records_of_hook(manager, "physic_backends", BackendRecord)
-                for kind, hook in RECORD_HOOKS.items():
-                    records_of_hook(manager, hook, kind)  # only checked here
-                weights, complaints = _manifests(manager, entry)
-            origin = origin_of(entry, clock() - start)
-            offers += [BackendOffer(record, origin, backend_record_problem(record, origin)) for record in records]
-            manifests += [Manifest(origin, path) for path in weights]
-            broken += [BrokenPlugin(origin, *complaint) for complaint in complaints]
-        except Exception as error:
-            cause = str(error) if isinstance(error, InvalidPluginError) else describe_error(error, module_of(entry))
-            broken.append(BrokenPlugin(origin_of(entry), cause, error))
-    return FoundPlugins(tuple(offers), tuple(broken), tuple(manifests), environment.get(PLUGINS_VARIABLE))
+    plugins = register_plugins(entries, clock)
+    # Commands and exporters are only checked here.
+    answers = {
+        hook: tuple(call_hook(plugins, hook, clock))
+        for hook in ("physic_backends", WEIGHTS_HOOK, *RECORD_HOOKS.values())
+    }
+    origins = {name: origin_of(entry, plugins.seconds[name]) for name, entry in plugins.entries.items()}
+    broken = [_broken(origin_of(entry), error) for entry, error in plugins.rejected]
+    broken += [
+        _broken(origins[answer.plugin], answer.error, f"{hook}() fails: ")
+        for hook, given in answers.items()
+        for answer in given
+        if answer.error is not None
+    ]
+    return FoundPlugins(
+        tuple(
+            BackendOffer(record, origins[answer.plugin], backend_record_problem(record, origins[answer.plugin]))
+            for answer in answers["physic_backends"]
+            for record in answer.returned or ()
+        ),
+        (
+            *(BrokenPlugin(Origin("", name), f"named in {PLUGINS_VARIABLE} but not installed") for name in unknown),
+            *sorted(broken, key=lambda plugin: plugin.origin.distribution),
+        ),
+        tuple(
+            Manifest(origins[answer.plugin], Path(answer.returned))
+            for answer in answers[WEIGHTS_HOOK]
+            if answer.error is None
+        ),
+        environment.get(PLUGINS_VARIABLE),
+    )
 
 
 def origin_of(entry: EntryPoint, seconds: float = 0.0) -> Origin:
@@ -92,24 +96,7 @@ def origin_of(entry: EntryPoint, seconds: float = 0.0) -> Origin:
     return Origin(module_of(entry), distribution, number, seconds)
 
 
-def _manifests(
-    manager: pluggy.PluginManager, entry: EntryPoint
-) -> tuple[list[Path], list[tuple[str, BaseException | None]]]:
-    """Return the paths of a plugin's weight manifests, and the errors of its hook ``physic_weights``."""
-    paths: list[Path] = []
-    complaints: list[tuple[str, BaseException | None]] = []
-    for implementation in manager.hook.physic_weights.get_hookimpls():
-        try:
-            with plugin_code():
-                returned: Any = implementation.function()
-        except Exception as error:
-            complaints.append((f"physic_weights() fails: {describe_error(error, module_of(entry))}", error))
-            continue
-        if not isinstance(returned, (str, os.PathLike)):
-            kind = type(returned).__name__
-            complaints.append((f"physic_weights() must return the path of a TOML file or folder, got {kind}", None))
-        elif not os.path.exists(returned):
-            complaints.append((f"physic_weights() names {os.fspath(returned)}, which does not exist", None))
-        else:
-            paths.append(Path(returned))
-    return paths, complaints
+def _broken(origin: Origin, error: Exception, title: str = "") -> BrokenPlugin:
+    if isinstance(error, InvalidPluginError):
+        return BrokenPlugin(origin, str(error), error)
+    return BrokenPlugin(origin, f"{title}{describe_error(error, origin.plugin)}", error)

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Iterable, Mapping
-from contextlib import redirect_stdout, suppress
 from importlib import import_module
 from importlib.metadata import EntryPoint
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from physic_core.discovery.plugin_code import plugin_code
 from physic_core.discovery.records import RECORD_HOOKS, CommandRecord, ExporterRecord, TargetRecord
-from physic_core.discovery.registration import PLUGINS_GROUP, load_plugin, records_of_hook, select_entry_points
+from physic_core.discovery.registration import PLUGINS_GROUP, call_hook, register_plugins, select_entry_points
 from physic_core.errors import ConfigError, PackageMissingError, PhysicError, PluginError
 
 if TYPE_CHECKING:
@@ -47,12 +45,11 @@ def find_installed(
         installed: entry points; None for those of this Python.
         environment: may restrict the plugins with ``PHYSIC_PLUGINS``.
     """
-    found: list[Installed[_Record]] = []
-    for entry in sorted(select_entry_points(PLUGINS_GROUP, installed, environment)[0], key=lambda e: e.value):
-        with suppress(Exception), plugin_code(), redirect_stdout(sys.stderr):
-            records = records_of_hook(load_plugin(entry), RECORD_HOOKS[kind], kind)
-            found += [Installed(record, entry) for record in records]
-    return tuple(found)
+    plugins = register_plugins(select_entry_points(PLUGINS_GROUP, installed, environment)[0])
+    answers = {answer.plugin: answer.returned or () for answer in call_hook(plugins, RECORD_HOOKS[kind])}
+    return tuple(
+        Installed(record, entry) for name, entry in plugins.entries.items() for record in answers.get(name, ())
+    )
 
 
 def find_entries(group: str) -> tuple[Installed[TargetRecord], ...]:

@@ -1,21 +1,26 @@
-"""Load the entry points of plugins, and call their hooks.
+"""Register installed plugins with one pluggy manager, and call their hooks one by one.
 
-pluggy's own loader stops at the first broken plugin, and does not report which plugin returned a record. So each entry
-point has its own plugin manager here. ``physic --help`` imports this module, so it imports little.
+pluggy's own loader and its calls of a hook stop at the first plugin that fails. Here, a plugin that fails is an
+:class:`Answer` with its error, and the others are called. ``physic --help`` imports this module, so it imports little.
 """
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Iterable, Mapping
+import os
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import redirect_stdout
+from dataclasses import dataclass, field
 from importlib.metadata import EntryPoint, entry_points
 from types import ModuleType
-from typing import Any, TypeVar
+from typing import Any
 
 import pluggy
 
 from physic_core.discovery import hookspecs
-from physic_core.discovery.records import RECORD_HOOKS
+from physic_core.discovery.plugin_code import plugin_code
+from physic_core.discovery.records import RECORD_HOOKS, BackendRecord
 
 PLUGINS_GROUP = "physic.plugins"
 ENERGIES_GROUP = "physic.energies"
@@ -26,26 +31,47 @@ ENTRY_POINT_GROUPS = (PLUGINS_GROUP, ENERGIES_GROUP, EXECUTORS_GROUP, MOMENTS_GR
 """All groups of entry points that are read; only modules of the first have hooks."""
 
 PLUGINS_VARIABLE = "PHYSIC_PLUGINS"
-_Record = TypeVar("_Record")
-_HOOKS = ("physic_backends", *RECORD_HOOKS.values(), "physic_weights")
+WEIGHTS_HOOK = "physic_weights"
+_RECORDS: dict[str, type[Any]] = {"physic_backends": BackendRecord} | {
+    hook: kind for kind, hook in RECORD_HOOKS.items()
+}
+_HOOKS = (*_RECORDS, WEIGHTS_HOOK)
 
 
 class InvalidPluginError(Exception):
     """A plugin can be imported, but violates the hook specification."""
 
 
-class _PluginManager(pluggy.PluginManager):
-    """Looks for hooks among the functions of a plugin alone.
+@dataclass(frozen=True)
+class Answer:
+    """What one plugin returns from a hook.
 
-    pluggy before 1.7 reads every name that ``dir`` lists, and so executes the ``__getattr__`` of a module, which may
-    import something heavy; later versions look at every name slowly.
+    Attributes:
+        plugin: name of the plugin in the manager.
+        returned: a list of records, or a path; None if there is an error.
+        error: raised by the plugin, or an :class:`InvalidPluginError` about what it returns.
     """
 
-    def parse_hookimpl_opts(self, plugin: object, name: str) -> pluggy.HookimplOpts | None:
-        found = vars(plugin).get(name) if isinstance(plugin, ModuleType) else inspect.getattr_static(plugin, name, None)
-        if not inspect.isroutine(found):
-            return None
-        return super().parse_hookimpl_opts(plugin, name)
+    plugin: str
+    returned: Any = None
+    error: Exception | None = None
+
+
+@dataclass(frozen=True)
+class RegisteredPlugins:
+    """The plugins of one discovery.
+
+    Attributes:
+        manager: pluggy's; its ``HookImpl.plugin_name`` are the keys of ``entries``.
+        entries: entry point of each plugin by its name in the manager.
+        rejected: plugins that cannot be registered, and the error.
+        seconds: time to import each plugin and call its hooks.
+    """
+
+    manager: pluggy.PluginManager
+    entries: dict[str, EntryPoint] = field(default_factory=dict)
+    rejected: list[tuple[EntryPoint, Exception]] = field(default_factory=list)
+    seconds: dict[str, float] = field(default_factory=dict)
 
 
 def select_entry_points(
@@ -92,47 +118,90 @@ def requested_plugins(environment: Mapping[str, str]) -> dict[str, str] | None:
     return {canonicalize_name(n.strip()): n.strip() for n in restriction.split(",") if n.strip()}
 
 
-def load_plugin(entry: EntryPoint) -> pluggy.PluginManager:
-    """Import one plugin and check its hooks.
+def register_plugins(
+    entries: Iterable[EntryPoint], clock: Callable[[], float] = time.perf_counter
+) -> RegisteredPlugins:
+    """Import plugins and register their hooks; a plugin that fails is listed in ``rejected``.
 
-    Raises:
-        InvalidPluginError: it names no module, or has an unknown hook or none.
+    Args:
+        entries: of the group ``physic.plugins``.
+        clock: returns the time in seconds.
     """
-    manager = _PluginManager(hookspecs.PROJECT)
+    manager = pluggy.PluginManager(hookspecs.PROJECT)
     manager.add_hookspecs(hookspecs)
-    if not all(part.strip().isidentifier() for part in entry.value.partition("[")[0].replace(":", ".").split(".")):
-        raise InvalidPluginError(
-            f"its entry point '{entry.name} = {entry.value}' should name a module: '{entry.name} = my_pkg'"
-        )
-    module = entry.load()
-    manager.register(module, name=entry.name)
+    plugins = RegisteredPlugins(manager)
+    for entry in sorted(entries, key=lambda each: (each.value, each.name)):
+        start = clock()
+        try:
+            # Output of a plugin must not mix with the output of a command.
+            with plugin_code(), redirect_stdout(sys.stderr):
+                name = _register(plugins, entry)
+        except Exception as error:
+            plugins.rejected.append((entry, error))
+        else:
+            plugins.entries[name] = entry
+            plugins.seconds[name] = clock() - start
+    return plugins
+
+
+def _register(plugins: RegisteredPlugins, entry: EntryPoint) -> str:
+    manager, written = plugins.manager, f"{entry.name} = {entry.value}"
+    module: object = None
+    if all(part.strip().isidentifier() for part in entry.value.partition("[")[0].split(".")):
+        module = entry.load()
+    if not isinstance(module, ModuleType):
+        raise InvalidPluginError(f"its entry point '{written}' should name a module: '{entry.name} = my_pkg'")
+    if (twin := manager.get_name(module)) is not None:
+        owner = distribution_of(plugins.entries[twin])[0]
+        raise InvalidPluginError(f"its module {entry.value} is registered already, by '{twin}' of {owner}")
     try:
-        manager.check_pending()
-    except pluggy.PluginValidationError as error:
-        unknown = [n for n, h in vars(manager.hook).items() if not n.startswith("_") and not h.has_spec()]
+        manager.register(module, written)
+    except pluggy.PluginValidationError as error:  # such as a hook with an argument
+        raise InvalidPluginError("; ".join(str(error).splitlines()[1:]) or str(error)) from error
+    callers = manager.get_hookcallers(module) or []
+    if unknown := [caller.name for caller in callers if not caller.has_spec()]:
+        manager.unregister(module)
         raise InvalidPluginError(
             f"there is no hook named {unknown[0]!r}; there are {', '.join(repr(name) for name in _HOOKS)}"
-        ) from error
-    if not any(getattr(manager.hook, hook).get_hookimpls() for hook in _HOOKS):
+        )
+    if not callers:
         raise InvalidPluginError(f"{entry.value} has no function physic_backends marked with @hookimpl")
-    return manager
+    return written
 
 
-def records_of_hook(manager: pluggy.PluginManager, hook: str, kind: type[_Record]) -> list[_Record]:
-    """Call a hook of one plugin, and return its list of records.
+def call_hook(
+    plugins: RegisteredPlugins, hook: str, clock: Callable[[], float] = time.perf_counter
+) -> Iterator[Answer]:
+    """Call a hook of all registered plugins, and yield the answer of each.
 
-    Raises:
-        InvalidPluginError: the hook does not return a list of records of class ``kind``.
+    Args:
+        plugins: the registered plugins, whose ``seconds`` are increased.
+        hook: "physic_backends", "physic_commands", "physic_exporters" or "physic_weights".
+        clock: returns the time in seconds.
     """
-    records: list[_Record] = []
-    for implementation in getattr(manager.hook, hook).get_hookimpls():
-        returned: Any = implementation.function()
-        if not isinstance(returned, (list, tuple)) or not all(isinstance(r, kind) for r in returned):
-            raise InvalidPluginError(
-                f"{hook}() must return a list of {kind.__name__}, got {_describe_type(returned, kind)}"
-            )
-        records += returned
-    return records
+    for implementation in getattr(plugins.manager.hook, hook).get_hookimpls():
+        start, name = clock(), implementation.plugin_name
+        try:
+            with plugin_code(), redirect_stdout(sys.stderr):
+                returned = implementation.function()
+                if problem := _problem(hook, returned):
+                    raise InvalidPluginError(f"{hook}() {problem}")
+            yield Answer(name, returned)
+        except Exception as error:
+            yield Answer(name, error=error)
+        plugins.seconds[name] += clock() - start
+
+
+def _problem(hook: str, returned: object) -> str:
+    """Return why a plugin may not return this from a hook; empty if it may."""
+    if hook == WEIGHTS_HOOK:
+        if not isinstance(returned, (str, os.PathLike)):
+            return f"must return the path of a TOML file or folder, got {type(returned).__name__}"
+        return "" if os.path.exists(returned) else f"names {os.fspath(returned)}, which does not exist"
+    kind = _RECORDS[hook]
+    if isinstance(returned, (list, tuple)) and all(isinstance(record, kind) for record in returned):
+        return ""
+    return f"must return a list of {kind.__name__}, got {_describe_type(returned, kind)}"
 
 
 def _describe_type(returned: object, kind: type) -> str:

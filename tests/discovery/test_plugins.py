@@ -40,27 +40,63 @@ def test_a_record_is_stamped_with_who_made_it(site):
     assert claim.problem == ""
 
 
-@pytest.mark.parametrize(
-    ("source", "entry", "cause"),
-    [
-        (
-            "import no_such_module\n",
-            "",
-            "ModuleNotFoundError: No module named 'no_such_module' (physic_bad.py:1)",
-        ),
-        (
-            "",
-            "bad = physic-bad/plugin.py",
-            "its entry point 'bad = physic-bad/plugin.py' should name a module: 'bad = my_pkg'",
-        ),
-    ],
-)
-def test_a_broken_plugin_is_a_row_with_its_cause_and_the_others_are_found(site, source, entry, cause):
-    site.install("physic-bad", source, version="0.3", entry=entry)
-    site.offer("physic-good", "inpainter", "good")
+def test_each_broken_plugin_is_a_row_with_its_cause_and_the_others_are_found(site):
+    """All in one registry: none of them takes another away."""
+    one = "BackendRecord('inpainter', 'x', 'm:C', api=1)"
+    site.install("physic-a", "import no_such_module\n", version="0.3")
+    site.install("physic-b", "", entry="b = physic-b/plugin.py")
+    site.install("physic-c", "raise SystemExit(3)\n")
+    site.install("physic-d", "def physic_backends():\n    return []\n")
+    site.install("physic-e", HOOK.replace("physic_backends", "physic_backend") + "    return []\n")
+    site.install("physic-f", HOOK + "    return None\n")
+    site.install("physic-g", HOOK + f"    return {one}\n")
+    site.install("physic-h", HOOK + "    return [('inpainter', 'x', 'm:C')]\n")
+    site.install("physic-i", HOOK.replace("()", "(config)") + f"    return [{one}]\n")
+    site.install("physic-j", "HOOKS = None\n", entry="j = physic_j:HOOKS")
+    site.install("physic-k", HOOK + "    return [BackendRecord('inpainter', 'x', 'm:C')]\n")
+    site.install("physic-l", "", entry="twin = physic_z")
+    site.offer("physic-z", "inpainter", "good")
     registry = found(site)
+    hooks = "'physic_backends', 'physic_commands', 'physic_exporters', 'physic_weights'"
     assert names(registry) == ["good"]
-    assert causes(registry) == [f"physic-bad 0.3 ({cause})"]
+    *others, wrong_arguments, not_a_module, no_version, twin = causes(registry)
+    assert others == [
+        "physic-a 0.3 (ModuleNotFoundError: No module named 'no_such_module' (physic_a.py:1))",
+        "physic-b 1.0 (its entry point 'b = physic-b/plugin.py' should name a module: 'b = my_pkg')",
+        "physic-c 1.0 (SystemExit: 3 (physic_c.py:1))",
+        "physic-d 1.0 (physic_d has no function physic_backends marked with @hookimpl)",
+        f"physic-e 1.0 (there is no hook named 'physic_backend'; there are {hooks})",
+        "physic-f 1.0 (physic_backends() must return a list of BackendRecord, got NoneType)",
+        "physic-g 1.0 (physic_backends() must return a list of BackendRecord, got BackendRecord)",
+        "physic-h 1.0 (physic_backends() must return a list of BackendRecord, got a list with tuple in it)",
+    ]
+    assert wrong_arguments == (
+        "physic-i 1.0 (hookimpl definition: physic_backends(config); "
+        "Argument(s) {'config'} are declared in the hookimpl but can not be found in the hookspec)"
+    )
+    assert not_a_module == "physic-j 1.0 (its entry point 'j = physic_j:HOOKS' should name a module: 'j = my_pkg')"
+    assert no_version.startswith(
+        "physic-k 1.0 (physic_backends() fails: TypeError: BackendRecord.__init__() missing 1 "
+    )
+    assert twin == "physic-z 1.0 (its module physic_z is registered already, by 'twin = physic_z' of physic-l)"
+
+
+def test_a_hook_that_fails_takes_no_other_hook_of_its_plugin_away(site):
+    source = HOOK + "    return [BackendRecord('inpainter', 'kept', 'm:C', api=1)]\n"
+    site.install("physic-half", source + "@hookimpl\ndef physic_exporters():\n    return 1 / 0\n")
+    registry = found(site)
+    assert names(registry) == ["kept"]
+    assert causes(registry) == [
+        "physic-half 1.0 (physic_exporters() fails: ZeroDivisionError: division by zero (physic_half.py:7))"
+    ]
+
+
+def test_a_name_that_a_plugin_offers_lazily_is_not_looked_up(site):
+    """As of a package that imports its classes at their first use."""
+    lazy = "def __dir__(): return ['Heavy', 'physic_backends']\ndef __getattr__(name): raise SystemExit(name)\n"
+    site.install("physic-lazy", HOOK + "    return [BackendRecord('inpainter', 'x', 'm:C', api=1)]\n" + lazy)
+    registry = found(site)
+    assert (names(registry), causes(registry)) == (["x"], [])
 
 
 def test_output_of_a_plugin_goes_to_stderr(site, capsys):
@@ -68,28 +104,6 @@ def test_output_of_a_plugin_goes_to_stderr(site, capsys):
     site.install("physic-loud", "print('Welcome!')\n" + hook)
     assert names(found(site)) == ["x"]
     assert capsys.readouterr() == ("", "Welcome!\n")
-
-
-def test_a_misspelt_hook_is_found(site):
-    site.install("physic-bad", HOOK.replace("physic_backends", "physic_backend") + "    return []\n")
-    assert causes(found(site)) == [
-        "physic-bad 1.0 (there is no hook named 'physic_backend'; "
-        "there are 'physic_backends', 'physic_commands', 'physic_exporters', 'physic_weights')"
-    ]
-
-
-def test_a_hook_without_its_decorator_is_reported(site):
-    site.install("physic-bad", "def physic_backends():\n    return []\n")
-    assert causes(found(site)) == ["physic-bad 1.0 (physic_bad has no function physic_backends marked with @hookimpl)"]
-
-
-def test_a_hook_that_returns_another_type_is_reported(site):
-    site.install("physic-bad", HOOK + "    return BackendRecord('inpainter', 'x', 'm:C', api=1)\n")
-    site.install("physic-mad", HOOK + "    return [('inpainter', 'x', 'm:C')]\n")
-    assert causes(found(site)) == [
-        "physic-bad 1.0 (physic_backends() must return a list of BackendRecord, got BackendRecord)",
-        "physic-mad 1.0 (physic_backends() must return a list of BackendRecord, got a list with tuple in it)",
-    ]
 
 
 def test_a_backend_for_a_newer_version_of_its_interface_is_kept_with_what_to_do(site):
@@ -143,12 +157,6 @@ def test_a_record_that_cannot_be_used_is_kept_with_what_is_wrong(site, record: s
     registry = found(site)
     assert [c.problem for c in registry if c.origin.distribution == "physic-bad"] == [expected]
     assert registry.get("inpainter", "good").problem == ""
-
-
-def test_a_record_without_a_version_of_its_interface_breaks_its_plugin(site):
-    site.install("physic-bad", HOOK + "    return [BackendRecord('inpainter', 'x', 'm:C')]\n")
-    (cause,) = causes(found(site))
-    assert "missing 1 required positional argument: 'api'" in cause
 
 
 def test_a_restriction_leaves_the_named_plugins_and_does_not_import_the_others(site):
