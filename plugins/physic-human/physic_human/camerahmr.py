@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.crop_camera import camerahmr_inputs, translation_from_crop
 from physic_core.adapters.crops import crop_around_box, padded_region, resample_crop
 from physic_core.adapters.observed import SeenConfidence, observed_joints
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, letterbox, normalized_nchw
@@ -26,6 +25,7 @@ from physic_human.checkout_backend import (
     inference_context,
     to_numpy,
 )
+from physic_human.crop_camera import camerahmr_inputs, translation_from_crop
 from physic_human.smpl_checkout import SmplCheckoutBackend, SmplCheckoutOptions
 from physic_human.user_smpl import open_smpl, posed_bodies
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.contact_crop import BOX_GROWTH, contact_crop
 from physic_core.errors import BackendError
 from physic_core.interfaces import ContactPrior, Options, Share
 from physic_core.types import ContactProbability
@@ -18,6 +17,7 @@ from physic_human.checkout_backend import (
     inference_context,
     to_numpy,
 )
+from physic_human.contact_crop import BOX_GROWTH, contact_crop
 from physic_human.smpl_checkout import SmplCheckoutBackend, SmplCheckoutOptions
 from physic_human.user_smpl import load_rest_mesh
 

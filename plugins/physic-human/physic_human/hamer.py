@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.chumpy_free import chumpy_free_copy
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options
 from physic_human.checkout_backend import CheckoutProject, inference_context, to_numpy
+from physic_human.chumpy_free import chumpy_free_copy
 from physic_human.mano_hands import ManoHandEstimator, ManoOptions
 
 if TYPE_CHECKING:

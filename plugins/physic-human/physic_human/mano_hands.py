@@ -9,10 +9,10 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.crops import antialias_sigma, crop_around_box, resample_crop
-from physic_core.adapters.hand_boxes import hand_boxes
-from physic_core.adapters.mano import empty_hands, hands_from_mano
 from physic_core.interfaces import HandEstimator, Share
 from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions, batch_slices
+from physic_human.hand_boxes import hand_boxes
+from physic_human.mano import empty_hands, hands_from_mano
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Hands, Keypoints, People, UInt8Array

@@ -171,8 +171,8 @@ class DepthAnythingRelative(OnnxBackend, RelativePointmap):
             BackendError: the network is not loaded, or sees nothing.
         """
 
-        from physic_core.adapters.disparity import clip_disparity, points_from_disparity
         from physic_core.types import Pointmap
+        from physic_onnx.disparity import clip_disparity, points_from_disparity
 
         from .depth_maps import squeeze_map
 
@@ -201,7 +201,7 @@ class DepthAnythingRelative(OnnxBackend, RelativePointmap):
 
     def _size(self, loaded: LoadedGraph, image: UInt8Array, third: bool) -> tuple[int, int]:
         """Return the input size (rows, columns)."""
-        from physic_core.adapters.patch_grid import input_size_by_long_side, limit_patches
+        from physic_onnx.patch_grid import input_size_by_long_side, limit_patches
 
         if not third:
             return _size(loaded, image, self.options.side or 518, self.options.max_patches)
@@ -244,7 +244,7 @@ def preprocess(image: UInt8Array, rows: int, columns: int, *, normalised: bool =
 
 def _size(loaded: LoadedGraph, image: UInt8Array, side: int, most: int) -> tuple[int, int]:
     """Return the input size (rows, columns)."""
-    from physic_core.adapters.patch_grid import input_size_least_scaling, limit_patches
+    from physic_onnx.patch_grid import input_size_least_scaling, limit_patches
 
     height, width = image.shape[:2]
     return _fixed_or(loaded, limit_patches(*input_size_least_scaling(height, width, side, PATCH), most))

@@ -95,7 +95,7 @@ class DepthAnything3(OnnxBackend, MetricDepth):
 
     def _size(self, image: UInt8Array) -> tuple[int, int]:
         """Return the input size (rows, columns)."""
-        from physic_core.adapters.patch_grid import input_size_by_long_side, limit_patches
+        from physic_onnx.patch_grid import input_size_by_long_side, limit_patches
 
         from .depth_maps import fixed_input_size
 

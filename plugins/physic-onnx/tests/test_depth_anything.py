@@ -213,7 +213,7 @@ class TestNormalisation:
         pytest.importorskip("transformers")
         from transformers.models.dpt.image_processing_pil_dpt import DPTImageProcessorPil
 
-        from physic_core.adapters.patch_grid import input_size_least_scaling
+        from physic_onnx.patch_grid import input_size_least_scaling
 
         processor = DPTImageProcessorPil(
             size={"height": 518, "width": 518},

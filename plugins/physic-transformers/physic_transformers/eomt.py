@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field
 
-from physic_core.adapters.panoptic import COCO_PANOPTIC, PaddedFrame, padded_input, people_and_floor
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options, Segmenter, Share
 from physic_transformers.folders import WEIGHTS_HELP, ModelSpec
 from physic_transformers.models import ModelOptions, PretrainedBackend, to_numpy
+from physic_transformers.panoptic import COCO_PANOPTIC, PaddedFrame, padded_input, people_and_floor
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

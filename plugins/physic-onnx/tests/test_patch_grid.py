@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.adapters.patch_grid import input_size_by_long_side, input_size_least_scaling, limit_patches
+from physic_onnx.patch_grid import input_size_by_long_side, input_size_least_scaling, limit_patches
 
 SIDES = st.integers(14, 4000)
 

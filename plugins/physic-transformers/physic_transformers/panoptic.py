@@ -12,7 +12,7 @@ import numpy as np
 
 from physic_core.adapters.detections import sigmoid
 from physic_core.adapters.people import people_from_masks
-from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw, resize_image
+from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw, resize_image, resize_map
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -77,12 +77,8 @@ class PaddedFrame:
 
     def to_photo(self, grid: FloatArray) -> FloatArray:
         """Resample a map (h, w) of the square frame to (H, W) float32 pixels of the photo, bilinear."""
-        import cv2
-
-        full = cv2.resize(np.asarray(grid, np.float32), (self.frame, self.frame), interpolation=cv2.INTER_LINEAR)
-        inner = np.ascontiguousarray(full[: self.inner[0], : self.inner[1]])
-        photo: FloatArray = cv2.resize(inner, (self.width, self.height), interpolation=cv2.INTER_LINEAR)
-        return photo
+        full = resize_map(grid, self.frame, self.frame)
+        return resize_map(full[: self.inner[0], : self.inner[1]], self.height, self.width)
 
 
 def padded_input(image: UInt8Array, padded: PaddedFrame) -> FloatArray:

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from physic_core.adapters.chumpy_free import chumpy_free_copy
 from physic_core.errors import BodyModelError
+from physic_human.chumpy_free import chumpy_free_copy
 from physic_testing.body_files import mano_arrays, write_published
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physic_core.adapters.crop_camera import translation_from_crop
 from physic_core.types import Intrinsics
+from physic_human.crop_camera import translation_from_crop
 
 CAMERA = Intrinsics(900.0, 900.0, 319.5, 239.5, 640, 480)
 

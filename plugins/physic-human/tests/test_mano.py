@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from physic_core.adapters.mano import hands_from_mano
 from physic_core.adapters.rotations import mirror_rotvecs
 from physic_core.interfaces import HandEstimator
+from physic_human.mano import hands_from_mano
 from physic_testing import violations
 
 RNG = np.random.default_rng(0)
