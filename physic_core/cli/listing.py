@@ -30,7 +30,7 @@ def plugins_table(registry: Registry, interface: str | None = None) -> str:
         record, origin = offer.record, offer.origin
         if interface in (None, record.interface):
             # The names of the networks, in parentheses, are only printed by `show`.
-            weights = re.sub(r"\s*\([^)]*\)", "", record.weights_license) or "-"
+            weights = re.sub(r"\s*\([^)]*\)", "", _licence(registry, offer)) or "-"
             who = (str(record.interface), str(record.name), origin.distribution, origin.version or "-")
             rows.append((*who, _shorten(weights), _shorten(_needs(offer)) or "-", _status(registry, offer)))
     for broken in registry.broken:
@@ -81,7 +81,7 @@ def describe_backend(registry: Registry, offer: BackendOffer) -> str:
         ("", record.summary),
         ("plugin", str(offer.origin)),
         ("class", split_folder(str(record.target))[1]),
-        ("weights", record.weights_license or "none"),
+        ("weights", _licence(registry, offer) or "none"),
         ("needs", _needs(offer) or "nothing else"),
         ("homepage", record.homepage),
         ("status", status),
@@ -139,7 +139,7 @@ def _as_dict(registry: Registry, offer: BackendOffer) -> dict[str, Any]:
         **_owner(offer.origin),
         "api": record.api,
         "summary": record.summary,
-        "weights_license": record.weights_license,
+        "weights_license": _licence(registry, offer),
         "needs": list(record.needs),
         "packages": list(record.packages),
         "weights": list(record.weights),
@@ -161,6 +161,12 @@ def _shorten(text: str) -> str:
 
 def _needs(offer: BackendOffer) -> str:
     return ", ".join((*offer.record.needs, *offer.record.packages))
+
+
+def _licence(registry: Registry, offer: BackendOffer) -> str:
+    from physic_core.weights.library import weights_licence
+
+    return weights_licence(registry, offer)
 
 
 def _readiness(registry: Registry, offer: BackendOffer) -> Readiness:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import sys
 from dataclasses import dataclass, replace
+from importlib.machinery import PathFinder
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -32,9 +33,9 @@ class Readiness:
     """Estimated usability of a backend on this machine.
 
     Attributes:
-        word: "ready"; "unsure" if only loading it can show; "not ready" if a package, file or GPU is missing;
-            "ambiguous" if its distribution offers the name twice; "refused" if the record is invalid; "broken" if the
-            module does not exist.
+        word: "ready" if the file of its module, its packages and its weights exist; "unsure" if only loading it can
+            show; "not ready" if a package, weights or a GPU are missing; "ambiguous" if its distribution offers the
+            name twice; "refused" if the record is invalid; "broken" if its package does not exist.
         why: the reason; may be empty if the backend is ready.
     """
 
@@ -81,10 +82,9 @@ def _readiness(
 ) -> Readiness:
     """Return the readiness of a backend with a valid and unique record."""
     record = offer.record
-    if isinstance(record.target, str):
-        module = split_folder(record.target)[1].partition(":")[0]
-        if not _is_installed(module):
-            return Readiness("broken", f"there is no module '{module}' for its target {record.target}")
+    module = split_folder(record.target)[1].partition(":")[0] if isinstance(record.target, str) else None
+    if module is not None and not _is_installed(module.partition(".")[0]):
+        return Readiness("broken", f"there is no module '{module}' for its target {record.target}")
     faults = []
     if uninstalled := [package for package in record.packages if not _is_installed(package)]:
         faults.append(f"not installed: {', '.join(uninstalled)}")
@@ -98,8 +98,13 @@ def _readiness(
         return Readiness("not ready", "; ".join(faults))
     if sets is not None:
         further = [need for need in further if need != _WEIGHTS]
-    if further:
-        return Readiness("unsure", f"needs {', '.join(further)}; `physic plugins doctor {record.name}` checks it")
+    doubts = [f"needs {', '.join(further)}"] if further else []
+    if sets is None and record.weights and missing_sets is not None:
+        doubts.append(f"no manifest of its plugin lists all of the weights {', '.join(record.weights)}")
+    if module is not None and not _is_installed(module):
+        doubts.append(f"no file of the module '{module}' is found")
+    if doubts:
+        return Readiness("unsure", f"{'; '.join(doubts)}; `physic plugins doctor {record.name}` checks it")
     return Readiness("ready")
 
 
@@ -130,9 +135,15 @@ def has_gpu() -> bool:
 
 
 def _is_installed(module: str) -> bool:
-    """Return whether a module can be found; submodules are searched only if the package is already imported."""
-    top = module.partition(".")[0]
+    """Return whether the file of a module can be found; nothing is imported."""
+    top, *below = module.split(".")
     try:
-        return find_spec(module if top in sys.modules else top) is not None
-    except (ImportError, ValueError, AttributeError):  # a parent package is broken, or has no spec
-        return top in sys.modules
+        spec = find_spec(top)
+        for i, _ in enumerate(below):
+            if spec is None or spec.submodule_search_locations is None:
+                return False
+            name = ".".join((top, *below[: i + 1]))
+            spec = PathFinder.find_spec(name, spec.submodule_search_locations)
+    except (ImportError, ValueError, AttributeError):  # a module in sys.modules has no spec
+        return module in sys.modules
+    return spec is not None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -13,7 +14,12 @@ from physic_core.weights.locate import missing
 from physic_core.weights.manifest import WeightSet, read_manifest
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from physic_core.discovery.registry import BackendOffer, Manifest, Origin, Registry
+
+NON_COMMERCIAL = re.compile(r"non-?commercial|-NC\b|research only|AMLR", re.IGNORECASE)
+"""Words by which the name of a licence tells that it forbids commercial use."""
 
 
 @dataclass(frozen=True)
@@ -73,17 +79,40 @@ def read_library(manifests: Iterable[Manifest]) -> WeightLibrary:
     return WeightLibrary(tuple(sorted(sets, key=lambda s: (s.weights.name, s.origin.distribution))), tuple(broken))
 
 
+def named_sets(registry: Registry, offer: BackendOffer) -> dict[str, tuple[Path, WeightSet] | None]:
+    """Return the manifest and the set of each name in a backend's record; None for names that its plugin does not list.
+
+    Raises:
+        BackendError: a manifest of the plugin is invalid.
+    """
+    lists = [manifest.path for manifest in registry.manifests if manifest.origin == offer.origin]
+    found: dict[str, tuple[Path, WeightSet] | None] = dict.fromkeys(offer.record.weights)
+    for path in lists:
+        sets = read_manifest(path)
+        found |= {name: (path, sets[name]) for name in found if found[name] is None and name in sets}
+    return found
+
+
 def missing_sets(registry: Registry, offer: BackendOffer) -> tuple[str, ...] | None:
     """Return the names of a backend's missing weight sets, or None if the required sets are unknown."""
-    lists = [manifest.path for manifest in registry.manifests if manifest.origin == offer.origin]
-    found = []
     try:
-        for name in offer.record.weights:
-            path = next((path for path in lists if name in read_manifest(path)), None)
-            if path is None:
-                return None
-            if missing(path, name):
-                found.append(name)
+        sets = named_sets(registry, offer)
+        absent = [name for name, one in sets.items() if one is not None and missing(one[0], name)]
     except PhysicError:  # an invalid manifest, which `physic weights list` reports
         return None
-    return tuple(found) if offer.record.weights else None
+    return tuple(absent) if sets and None not in sets.values() else None
+
+
+def weights_licence(registry: Registry, offer: BackendOffer) -> str:
+    """Return the licence of a backend's default weights: that of the manifest, or of the record without a manifest."""
+    try:
+        sets = [one[1] for one in named_sets(registry, offer).values() if one is not None]
+    except PhysicError:
+        sets = []
+    licences = [f"{one.license}, no commercial use" if _hides_its_terms(one) else one.license for one in sets]
+    return "; ".join(dict.fromkeys(licences)) or offer.record.weights_license
+
+
+def _hides_its_terms(weights: WeightSet) -> bool:
+    """Return whether a licence forbids commercial use, and its name does not tell."""
+    return weights.commercial is False and not NON_COMMERCIAL.search(weights.license)

@@ -15,13 +15,13 @@ from click.testing import CliRunner, Result
 
 from physic_core.cli import main
 from physic_core.cli.config import full_toml, resolved_toml
-from physic_core.cli.listing import plugins_as_dicts, plugins_table
+from physic_core.cli.listing import describe_backend, plugins_as_dicts, plugins_table
 from physic_core.cli.plugins import details
 from physic_core.configuration.model import load_config, preset_names
 from physic_core.configuration.resolve import load_checked_config, resolve
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.readiness import readiness
-from physic_core.discovery.registry import BackendOffer, BackendRecord, BrokenPlugin, Origin, Registry
+from physic_core.discovery.registry import BackendOffer, BackendRecord, BrokenPlugin, Manifest, Origin, Registry
 from physic_core.errors import InputError
 from physic_core.types import Reconstruction, StageRecord
 
@@ -273,7 +273,8 @@ def offers() -> Registry:
         BackendOffer(BackendRecord("inpainter", "x", "json:C", api=1), B),
         BackendOffer(_big(), B),
         BackendOffer(BackendRecord("segmenter", "file", "json:C", api=1, needs=("a checkpoint",)), A),
-        BackendOffer(BackendRecord("segmenter", "gone", "json.gone:C", api=1), A),
+        BackendOffer(BackendRecord("segmenter", "gone", "no_package.net:C", api=1), A),
+        BackendOffer(BackendRecord("segmenter", "moved", "json.gone:C", api=1), A),
         BackendOffer(BackendRecord("segmenter", "new", "m:C", api=2), A, "needs plugin API 2, this physic-core has 1"),
     ]
     return Registry(claims, [BrokenPlugin(Origin("c", "physic-c", "0.3"), "ImportError: no")], installed=False)
@@ -291,7 +292,9 @@ def test_the_listing_marks_ready_refused_slow_broken_and_ambiguous_backends():
         "segmenter  file     physic-a  1.0      -                a checkpoint              "
         "unsure: needs a checkpoint; `physic plugins doctor file` checks it",
         "segmenter  gone     physic-a  1.0      -                -                         "
-        "BROKEN: there is no module 'json.gone' for its target json.gone:C",
+        "BROKEN: there is no module 'no_package.net' for its target no_package.net:C",
+        "segmenter  moved    physic-a  1.0      -                -                         "
+        "unsure: no file of the module 'json.gone' is found; `physic plugins doctor moved` checks it",
         "segmenter  new      physic-a  1.0      -                -                         "
         "REFUSED: needs plugin API 2, this physic-core has 1",
         "-          -        physic-c  0.3      -                -                         BROKEN: ImportError: no",
@@ -307,10 +310,59 @@ def test_a_backend_that_needs_a_gpu_is_ready_with_one_only():
     assert str(readiness(registry, claim, gpu=lambda: False)) == "NOT READY: no GPU is found"
 
 
+MANIFEST = """
+[free]
+summary = "A network"
+license = "MIT"
+commercial = true
+files = [{path = "free.onnx", source = "https://example.org/free.onnx"}]
+[research]
+summary = "A network"
+license = "CC-BY-NC-4.0"
+commercial = false
+files = [{path = "research.onnx", source = "https://example.org/research.onnx"}]
+[odd]
+summary = "A network"
+license = "Odd License"
+commercial = false
+files = [{path = "odd.onnx", source = "https://example.org/odd.onnx"}]
+"""
+
+
+@pytest.mark.parametrize(
+    ("sets", "printed"),
+    [
+        (("research",), "CC-BY-NC-4.0"),
+        (("free", "research"), "MIT; CC-BY-NC-4.0"),
+        (("odd",), "Odd License, no commercial use"),
+        (("nowhere",), "MIT (Net)"),
+        ((), "MIT (Net)"),
+    ],
+)
+def test_the_licence_is_that_of_the_manifest_whatever_the_record_says(sets, printed, tmp_path):
+    (tmp_path / "weights.toml").write_text(MANIFEST)
+    record = BackendRecord("segmenter", "net", "json:C", api=1, weights_license="MIT (Net)", weights=sets)
+    manifests = [Manifest(A, tmp_path / "weights.toml")]
+    registry = Registry([BackendOffer(record, A)], manifests=manifests, installed=False)
+    (found,) = plugins_as_dicts(registry)["backends"]
+    assert found["weights_license"] == printed
+    assert f"weights   {printed}" in describe_backend(registry, next(iter(registry)))
+
+
+def test_weights_that_no_manifest_lists_leave_a_backend_unsure(tmp_path):
+    record = BackendRecord("segmenter", "net", "json:C", api=1, weights=("nowhere",))
+    registry = Registry([BackendOffer(record, A)], installed=False)
+    (found,) = plugins_as_dicts(registry)["backends"]
+    assert (found["status"], found["why"]) == (
+        "unsure",
+        "no manifest of its plugin lists all of the weights nowhere; `physic plugins doctor net` checks it",
+    )
+
+
 def test_the_listing_is_there_for_machines_too():
     found = plugins_as_dicts(offers(), "segmenter")
     statuses = {b["backend"]: b["status"] for b in found["backends"]}
-    assert statuses == {"big": "not ready", "file": "unsure", "gone": "broken", "new": "refused"}
+    assert statuses == {"big": "not ready", "file": "unsure", "gone": "broken", "moved": "unsure", "new": "refused"}
     assert found["backends"][0] == {
         "interface": "segmenter",
         "backend": "big",
