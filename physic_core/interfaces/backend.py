@@ -5,13 +5,14 @@ from __future__ import annotations
 import inspect
 from abc import ABC, ABCMeta, abstractmethod
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from physic_core.errors import BackendOutputError, ConfigError, InputError
 from physic_core.interfaces.checks import check_type, require_image
+from physic_core.types import Hints
 
 if TYPE_CHECKING:
     from physic_core.types import UInt8Array
@@ -39,6 +40,39 @@ class Request(Generic[Result]):
     def arguments(self) -> tuple[Any, ...]:
         """Return the arguments of ``infer``: the fields that are not keyword-only."""
         return tuple(getattr(self, field.name) for field in fields(self) if not field.kw_only)
+
+    def limited_to(self, reads: tuple[str, ...] | None) -> tuple[Any, ...]:
+        """Return the arguments of ``infer`` for a backend that declares what it reads.
+
+        Args:
+            reads: see :attr:`Backend.reads`.
+
+        Returns:
+            The arguments. Hints that the backend does not read are None, and using another argument that it does not
+            read raises an AttributeError.
+        """
+        if reads is None:
+            return self.arguments
+        named = zip(fields(self), self.arguments, strict=False)  # keyword-only fields come last
+        return tuple(_limited(field.name, value, reads) for field, value in named)
+
+
+@dataclass(frozen=True)
+class _Unread:
+    """Stand-in for an argument that a backend does not read."""
+
+    name: str
+
+    def __getattr__(self, attribute: str) -> Any:
+        if attribute.startswith("__"):  # copy and pickle look for such methods
+            raise AttributeError(attribute)
+        raise AttributeError(f"`reads` of this backend lacks '{self.name}', whose '{attribute}' it uses: add the name")
+
+
+def _limited(name: str, value: Any, reads: tuple[str, ...]) -> Any:
+    if isinstance(value, Hints):
+        return replace(value, **{field.name: None for field in fields(value) if field.name not in reads})
+    return value if name == "image" or name in reads else _Unread(name)
 
 
 @dataclass(frozen=True)
@@ -155,6 +189,8 @@ class Backend(ABC, metaclass=_OptionsAsKeywords):
         Result: class of its results; ``object`` for an array, which ``check`` validates.
         sees: image of its first call: "photo", or "inpainted" for the photo with its people removed.
         hints: names of the :class:`physic_core.types.Hints` that the pipeline knows when it calls the interface.
+        reads: names of the arguments of ``infer`` and of the hints that the backend reads, without ``image``. It gets
+            no others, and a cached result stays valid while these are equal. None if it may read everything.
         Options: pydantic model of this backend's settings.
         cacheable: whether the output may be cached. Set it to False if the output depends on anything but the input,
             options, files that options name and ``fingerprint()``, or if computing it is faster than reading it.
@@ -166,9 +202,22 @@ class Backend(ABC, metaclass=_OptionsAsKeywords):
     Result: ClassVar[type]
     sees: ClassVar[str] = "photo"
     hints: ClassVar[tuple[str, ...]] = ()
+    reads: ClassVar[tuple[str, ...] | None] = None
     Options: ClassVar[type[Options]] = Options
     cacheable: ClassVar[bool] = True
     infer: Callable[..., Any]  # each interface has arguments of its own
+
+    def __init_subclass__(cls, **named: Any) -> None:
+        """Refuse a class whose ``reads`` names something that no backend of its interface is given."""
+        super().__init_subclass__(**named)
+        if cls.reads is None or not hasattr(cls, "Request"):  # a base class of several interfaces
+            return
+        known = {field.name for kind in (cls.Request, Hints) for field in fields(kind)}
+        if wrong := sorted(set(cls.reads) - known):
+            names = ", ".join(sorted(known))
+            raise TypeError(
+                f"{cls.__name__}.reads: no argument or hint is named {', '.join(wrong)}; there are: {names}"
+            )
 
     def __init__(self, options: BaseModel | None = None, **_: Any) -> None:  # keywords become ``options`` before
         self.options = self.Options() if options is None else options
@@ -255,11 +304,11 @@ def contract_violations(interface: type[Backend], result: object, request: Reque
 
 
 def call(backend: Backend, request: Request[Any]) -> object:
-    """Call ``infer`` of a backend with a request and return its unchecked result.
+    """Call ``infer`` of a backend with what it reads of a request, and return its unchecked result.
 
     Raises:
         InputError: the image of the request is invalid; the backend is not called.
     """
     require_image(request.image)
-    result: object = backend.infer(*request.arguments)
+    result: object = backend.infer(*request.limited_to(backend.reads))
     return result

@@ -107,7 +107,7 @@ class StageRunner:
 
         find_faults = partial(contract_violations, interface, request=request)
         try:
-            key = self._cache_key(title, resolved, request.arguments)
+            key = self._cache_key(title, resolved, request.limited_to(resolved.backend.reads))
             result = self._read_cache(key, find_faults)
             cached = result is not None
             if result is None:

@@ -11,9 +11,9 @@ from PIL import Image
 from pydantic import Field
 
 from physic_core import BackendOutputError, ConfigError, InputError, Pipeline, WeightsMissingError, load_backend
-from physic_core.interfaces import INTERFACES, MetricDepth, Options
+from physic_core.interfaces import INTERFACES, ContactPrior, MetricDepth, Options
 from physic_core.io.photo import read_source
-from physic_core.types import DepthMap, Hints, People
+from physic_core.types import DepthMap, Hints, Intrinsics, People
 from physic_testing.worlds import build_world
 
 
@@ -40,6 +40,7 @@ class Behind(Flat):
 
 
 IMAGE = np.zeros((64, 80, 3), np.uint8)
+NOBODY = People(np.zeros((0, 64, 80), bool), np.zeros((0, 4), np.float32), np.zeros(0, np.float32))
 ONE = f"{__name__}:Flat"
 
 
@@ -121,3 +122,36 @@ def test_grey_and_rgba_arrays_are_converted_as_pil_images(shape: tuple[int, ...]
     given, image = read_source(array), read_source(Image.fromarray(array.squeeze()))
     assert np.array_equal(given.image, image.image)
     assert (given.notes, given.digest) == (image.notes, image.digest)
+
+
+class ReadsTheCamera(Flat):
+    """Reads one of its hints."""
+
+    reads = ("intrinsics",)
+
+    def infer(self, image: Any, hints: Hints) -> DepthMap:
+        assert hints.people is None
+        assert hints.hole is None
+        return DepthMap(np.full(image.shape[:2], 1.0), hints.intrinsics)
+
+
+def test_a_backend_gets_the_hints_that_it_declares_and_no_others():
+    camera, nobody = Intrinsics.from_focal(100.0, 80, 64), NOBODY
+    found = ReadsTheCamera()(IMAGE, Hints(camera, nobody, hole=np.ones((64, 80), bool)))
+    assert found.intrinsics == camera
+
+
+def test_using_an_argument_that_is_not_declared_is_an_error():
+    class Prior(ContactPrior):
+        reads = ("people",)
+
+        def infer(self, image: Any, people: People, bodies: Any) -> Any:
+            return bodies.parameters
+
+    with pytest.raises(AttributeError, match="`reads` of this backend lacks 'bodies', whose 'parameters' it uses"):
+        Prior()(IMAGE, NOBODY, None)
+
+
+def test_a_class_that_reads_something_unknown_is_refused():
+    with pytest.raises(TypeError, match=r"Wrong.reads: no argument or hint is named camera; there are: .*intrinsics"):
+        type("Wrong", (Flat,), {"reads": ("camera",)})

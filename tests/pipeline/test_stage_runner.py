@@ -17,7 +17,7 @@ from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.errors import BackendError, BackendOutputError, InputError, NoPersonError, PhysicError
 from physic_core.interfaces import MetricDepthRequest
 from physic_core.pipeline.stage_runner import StageRunner
-from physic_core.types import DepthMap, Hints, Provenance
+from physic_core.types import DepthMap, Hints, People, Provenance
 
 SHAPE = (6, 8)
 PHOTO = np.zeros((*SHAPE, 3), np.uint8)
@@ -222,6 +222,27 @@ def test_a_cached_output_needs_neither_call_nor_load(events: list[str], run: Cal
     assert [(r.cached, r.failed, r.load_seconds > 0) for s in (first, second) for r in s.records] == [
         (False, False, True),
         (True, False, False),
+    ]
+
+
+class ReadsTheHole(Counting):
+    """Reads one hint."""
+
+    reads = ("hole",)
+
+
+def test_a_changed_hint_costs_a_call_only_if_the_backend_reads_it(events: list[str], run: Callable[[], StageRunner]):
+    people, hole = (
+        People(np.zeros((0, *SHAPE), bool), np.zeros((0, 4), np.float32), np.zeros(0, np.float32)),
+        np.ones(SHAPE, bool),
+    )
+    for hints in (Hints(), Hints(people=people), Hints(people=people, hole=hole)):
+        ask(run(), ReadsTheHole("one"), MetricDepthRequest(PHOTO, hints))
+        ask(run(), Counting("all"), MetricDepthRequest(PHOTO, hints))
+    assert [event for event in events if event.startswith("infer")] == [
+        *("infer one", "infer all"),
+        "infer all",
+        *("infer one", "infer all"),
     ]
 
 

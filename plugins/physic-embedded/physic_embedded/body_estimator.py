@@ -52,6 +52,7 @@ class EmbeddedBodies(BodyEstimator):
 
     Options: ClassVar[type[Options]] = EmbeddedBodiesOptions
     options: EmbeddedBodiesOptions
+    reads = ("people", "intrinsics", "keypoints", "floor", "original")
 
     _model: BodyModel | None = None
 

@@ -80,6 +80,7 @@ class EmbeddedMetricDepth(MetricDepth):
 
     Options: ClassVar[type[Options]] = EmbeddedMetricDepthOptions
     options: EmbeddedMetricDepthOptions
+    reads = ("intrinsics", "people", "keypoints", "scene", "original", "floor", "bodies")
 
     _model: BodyModel | None = None
 

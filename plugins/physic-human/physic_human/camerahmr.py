@@ -79,6 +79,7 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
 
     Options: ClassVar[type[Options]] = CameraHmrOptions
     options: CameraHmrOptions
+    reads = ("people", "intrinsics", "keypoints")
     project: ClassVar[CheckoutProject] = CheckoutProject(
         "CameraHMR",
         "core.camerahmr_model",

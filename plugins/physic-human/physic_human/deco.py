@@ -48,6 +48,7 @@ class Deco(SmplCheckoutBackend, ContactPrior):
 
     Options: ClassVar[type[Options]] = DecoOptions
     options: DecoOptions
+    reads = ("people",)
     project: ClassVar[CheckoutProject] = CheckoutProject(
         "DECO",
         "models.deco",

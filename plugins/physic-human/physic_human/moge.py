@@ -37,6 +37,7 @@ class Moge1(CheckoutBackend, RelativePointmap):
 
     Options: ClassVar[type[Options]] = Moge1Options
     options: Moge1Options
+    reads = ("intrinsics",)
     capabilities = frozenset({"returns_intrinsics"})
     project: ClassVar[CheckoutProject] = CheckoutProject(
         "MoGe",

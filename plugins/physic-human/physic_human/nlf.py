@@ -69,6 +69,7 @@ class Nlf(BodyEstimator):
 
     Options: ClassVar[type[Options]] = NlfOptions
     options: NlfOptions
+    reads = ("people", "intrinsics", "keypoints")
 
     def __init__(self, options: NlfOptions | None = None) -> None:
         super().__init__(options)

@@ -74,6 +74,7 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
 
     Options: ClassVar[type[Options]] = Sam3dBodyOptions
     options: Sam3dBodyOptions
+    reads = ("people", "intrinsics", "keypoints")
     capabilities = frozenset({"needs_cuda"})
     project: ClassVar[CheckoutProject] = CheckoutProject(
         "SAM 3D Body",

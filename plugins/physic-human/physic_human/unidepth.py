@@ -37,6 +37,7 @@ class UniDepth(CheckoutBackend, MetricDepth):
 
     Options: ClassVar[type[Options]] = UniDepthOptions
     options: UniDepthOptions
+    reads = ("intrinsics",)
     capabilities = frozenset({"returns_intrinsics"})
     project: ClassVar[CheckoutProject] = CheckoutProject(
         "UniDepth",

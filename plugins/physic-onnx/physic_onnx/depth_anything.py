@@ -101,6 +101,7 @@ class DepthAnythingMetric(OnnxBackend, MetricDepth):
 
     Options: ClassVar[type[OnnxBackendOptions]] = DepthAnythingMetricOptions
     options: DepthAnythingMetricOptions
+    reads = ()
     signatures: ClassVar = {
         PUBLISHED: GraphSignature((_PICTURE,), (_DEPTH,)),
         OTHER: GraphSignature((_PICTURE,), (_DEPTH,), by_position=True),
@@ -145,6 +146,7 @@ class DepthAnythingRelative(OnnxBackend, RelativePointmap):
 
     Options: ClassVar[type[OnnxBackendOptions]] = DepthAnythingRelativeOptions
     options: DepthAnythingRelativeOptions
+    reads = ("intrinsics",)
     signatures: ClassVar = {
         VIEWS: GraphSignature((_ONE_VIEW,), (_DEPTH, *_EXTRAS)),
         PUBLISHED: GraphSignature((_PICTURE,), (_DEPTH, *_EXTRAS)),

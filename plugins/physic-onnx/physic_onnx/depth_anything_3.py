@@ -46,6 +46,7 @@ class DepthAnything3(OnnxBackend, MetricDepth):
 
     Options: ClassVar[type[OnnxBackendOptions]] = DepthAnything3Options
     options: DepthAnything3Options
+    reads = ("intrinsics",)
     signatures: ClassVar = {
         "one picture": GraphSignature((_PICTURE,), _OUTPUTS),
         "several views": GraphSignature((_ONE_VIEW,), _OUTPUTS),

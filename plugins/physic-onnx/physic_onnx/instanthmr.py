@@ -47,6 +47,7 @@ class InstantHmr(OnnxBackend, BodyEstimator):
 
     Options: ClassVar[type[OnnxBackendOptions]] = InstantHmrOptions
     options: InstantHmrOptions
+    reads = ("people", "intrinsics", "keypoints")
     signatures: ClassVar = {
         "instanthmr.onnx of momolesang/InstantHMR": GraphSignature(
             (

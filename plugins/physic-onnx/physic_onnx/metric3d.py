@@ -48,6 +48,7 @@ class Metric3d(OnnxBackend, MetricDepth):
 
     Options: ClassVar[type[OnnxBackendOptions]] = Metric3dOptions
     options: Metric3dOptions
+    reads = ("intrinsics",)
     signatures: ClassVar = {
         "a batch": GraphSignature((_picture(None),), _OUTPUTS),
         "one picture": GraphSignature((_picture(),), _OUTPUTS),

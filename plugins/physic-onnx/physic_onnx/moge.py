@@ -51,6 +51,7 @@ class _Moge(Backend):
 
     Options: ClassVar[type[Options]] = MogeOptions
     options: MogeOptions
+    reads = ("intrinsics",)
     capabilities: ClassVar[frozenset[str]] = frozenset({"returns_intrinsics"})
 
     def __init__(self, options: BaseModel | None = None) -> None:

@@ -56,6 +56,7 @@ class DepthPro(PretrainedBackend, MetricDepth):
 
     Options: ClassVar[type[Options]] = DepthProOptions
     options: DepthProOptions
+    reads = ("intrinsics",)
     capabilities: ClassVar[frozenset[str]] = frozenset({"returns_intrinsics"})
     specs: ClassVar[tuple[ModelSpec, ...]] = (ModelSpec("weights", "DepthProForDepthEstimation", ("depth_pro",)),)
 

@@ -35,6 +35,7 @@ class ZoeDepth(PretrainedBackend, MetricDepth):
 
     Options: ClassVar[type[Options]] = ZoeDepthOptions
     options: ZoeDepthOptions
+    reads = ()
     specs: ClassVar[tuple[ModelSpec, ...]] = (ModelSpec("weights", "ZoeDepthForDepthEstimation", ("zoedepth",)),)
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:

@@ -172,7 +172,8 @@ class BackendUnderTest:
         """Call the backend's ``infer`` with the arguments of a case, or with ``arguments``; errors propagate."""
         given = infer_arguments(self.interface, case) if arguments is None else arguments
         require_image(given[0])
-        return cast("Any", backend).infer(*given)
+        request = INTERFACES[self.interface].Request(*given)
+        return cast("Any", backend).infer(*request.limited_to(backend.reads))
 
     def run_case(self, name: str) -> CaseRun:
         """Run the backend on a photo, or return the stored result. FIRST_PHOTO is always run first.
