@@ -35,39 +35,46 @@ def check_contact_sheet(out: Path) -> None:
     check_own(out / _FILE, mark=_MARK)
 
 
-def write_contact_sheet(out: Path, limit: int = _MAX_PHOTOS) -> Path:
-    """Write the contact sheet of a batch to its output folder and return its path.
+def write_contact_sheet(out: Path, results: Sequence[Path] = (), limit: int = _MAX_PHOTOS) -> Path:
+    """Write the contact sheet of a folder of results and return its path.
+
+    Args:
+        out: folder of a batch, whose journal lists the photos, or any folder of results.
+        results: their folders, for a folder without a journal.
+        limit: most photos of the page.
 
     Raises:
         OutputError: the file cannot be written, or is not a contact sheet.
     """
     check_contact_sheet(out)
-    rows = last_rows(out)
-    shown = list(islice(rows, limit))
-    left_out = sum(1 for _ in rows)
-    above = _common_folder([str(row.get("path", "")) for row in shown])
-    page = contact_sheet(
-        [_photo_card(out, row, above) for row in shown],
-        left_out,
-        _command_for_missing_pages(out, [str(row.get("folder", "")) for row in shown]),
-    )
+    if any(out.glob("journal*.jsonl")):
+        rows = last_rows(out)
+        shown = list(islice(rows, limit))
+        hidden = sum(1 for _ in rows)
+        above = _common_folder([str(row.get("path", "")) for row in shown])
+        cards = [_photo_card(out, row, above) for row in shown]
+        folders = [str(row.get("folder", "")) for row in shown]
+    else:
+        cards = [_result_card(check_writable(out), result) for result in results[:limit]]
+        hidden, folders = max(0, len(results) - limit), [card["title"] for card in cards]
+    page = contact_sheet(cards, hidden, _command_for_missing_pages(out, folders))
     with atomic_write(out) as temporary:
         temporary(_FILE).write_text(page, encoding="utf-8")
     return out / _FILE
 
 
-def contact_sheet(cards: Sequence[Mapping[str, Any]], left_out: int = 0, command: str = "") -> str:
+def contact_sheet(cards: Sequence[Mapping[str, Any]], hidden: int = 0, command: str = "") -> str:
     """Return the page.
 
     Args:
         cards: of photos: name (its id), title, link, thumbnail (base64 JPEG), state, error, message, grade, people,
             checks.
-        left_out: number of photos that are not on the page; the page states it.
+        hidden: number of photos that are not on the page; the page states it.
         command: that writes the pages of results that have none; "" if there are none.
     """
     from physic_core.pipeline.checks import CHECKS
 
-    notes = [f"{left_out:,} more photos are in the summary table only."] if left_out else []
+    notes = [f"{hidden:,} more photos are in the summary table only."] if hidden else []
     if command:
         notes.append(f"Some results have no page in 3D yet. To write them: {command}")
     labels = {spec.name: spec.label for spec in CHECKS.values()}
@@ -86,27 +93,6 @@ def find_results(folder: Path) -> list[Path]:
     if not found and not any(folder.glob("journal*.jsonl")):
         raise InputError(f"no result in {folder}: name the folder of a finished run, or a folder of such folders")
     return found
-
-
-def write_index(folder: Path, results: Sequence[Path]) -> Path:
-    """Write ``contact-sheet.html`` of a folder of results and return its path.
-
-    Args:
-        folder: of a batch, whose journal lists the photos, or any folder of results.
-        results: their folders, for a folder without a journal.
-
-    Raises:
-        OutputError: the file cannot be written, or is not a contact sheet.
-    """
-    check_contact_sheet(folder)
-    if any(folder.glob("journal*.jsonl")):
-        return write_contact_sheet(folder)
-    cards = [_result_card(folder, result) for result in results[:_MAX_PHOTOS]]
-    with atomic_write(check_writable(folder)) as temporary:
-        command = _command_for_missing_pages(folder, [card["title"] for card in cards])
-        page = contact_sheet(cards, max(0, len(results) - _MAX_PHOTOS), command)
-        temporary(_FILE).write_text(page, encoding="utf-8")
-    return folder / _FILE
 
 
 def _result_link(out: Path, folder: str) -> str:

@@ -8,6 +8,7 @@ could have replaced: see :class:`JournalRows`.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
@@ -18,7 +19,6 @@ from typing import Any
 
 from filelock import FileLock, Timeout
 
-from physic_core.batch.row_checksum import has_checksum, with_checksum
 from physic_core.errors import OutputError
 from physic_core.files.atomic import sync_folder
 from physic_core.files.own import foreign_file, open_to_append
@@ -108,12 +108,10 @@ class Journal:
         Raises:
             OutputError: the disk is full, or the file cannot be written.
         """
-        line = (
-            json.dumps(with_checksum(to_json({**row, "run": self._run}, digits=9)), ensure_ascii=True, allow_nan=False)
-            + "\n"
-        )
+        content = to_json({**row, "run": self._run}, digits=9)
+        line = json.dumps({**content, "checksum": row_checksum(content)}, ensure_ascii=True, allow_nan=False)
         try:
-            self._file.write(line.encode())
+            self._file.write(f"{line}\n".encode())
             self._file.flush()
             os.fsync(self._file.fileno())
         except OSError as error:
@@ -130,6 +128,13 @@ class Journal:
         return OutputError(
             f"cannot write the journal {self.path}: {error.strerror}; the same command goes on from here later"
         )
+
+
+def row_checksum(row: Mapping[str, Any]) -> str:
+    """Return the SHA-256 of a row as JSON with sorted keys, without its own checksum."""
+    content = {key: value for key, value in row.items() if key != "checksum"}
+    text = json.dumps(content, ensure_ascii=True, sort_keys=True, separators=(",", ":"))
+    return f"sha256:{hashlib.sha256(text.encode()).hexdigest()}"
 
 
 @dataclass(frozen=True)
@@ -224,7 +229,7 @@ def _row(line: bytes) -> dict[str, Any] | None:
         row = parse_json(line)
     except ValueError:
         return None
-    if not isinstance(row, dict) or not has_checksum(row):
+    if not isinstance(row, dict) or row.get("checksum") != row_checksum(row):
         return None
     found = {name: from_json(value) for name, value in row.items() if name != "checksum"}
     return found if all(isinstance(found.get(name), str) for name in _ALWAYS) else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 from contextlib import suppress
@@ -18,19 +19,6 @@ def usable_cores() -> int:
     return os.cpu_count() or 1
 
 
-def available_memory_mb() -> float:
-    """Return the free memory of the machine or of the container, MB; infinity if it is unknown."""
-    limits = [float("inf")]
-    with suppress(OSError, ValueError):
-        text = Path("/proc/meminfo").read_text()
-        limits.append(float(text.partition("MemAvailable:")[2].split()[0]) / 1000)
-    with suppress(OSError, ValueError):
-        group = Path("/sys/fs/cgroup")
-        used = float((group / "memory.current").read_text())
-        limits.append((float((group / "memory.max").read_text()) - used) / 1e6)
-    return max(0.0, min(limits))
-
-
 def default_workers(peak_mb: float, device: str = "cpu") -> int:
     """Return how many workers fit: one per core, as memory allows; one if they share a GPU.
 
@@ -40,7 +28,15 @@ def default_workers(peak_mb: float, device: str = "cpu") -> int:
     """
     if device != "cpu" or peak_mb <= 0:
         return 1
-    more = available_memory_mb() / (_MEMORY_RESERVE * peak_mb)
+    free_mb = [math.inf]  # of the machine, and of the container
+    with suppress(OSError, ValueError):
+        text = Path("/proc/meminfo").read_text()
+        free_mb.append(float(text.partition("MemAvailable:")[2].split()[0]) / 1000)
+    with suppress(OSError, ValueError):
+        group = Path("/sys/fs/cgroup")
+        used = float((group / "memory.current").read_text())
+        free_mb.append((float((group / "memory.max").read_text()) - used) / 1e6)
+    more = max(0.0, min(free_mb)) / (_MEMORY_RESERVE * peak_mb)
     return max(1, int(min(usable_cores(), 1 + more)))
 
 

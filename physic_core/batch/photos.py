@@ -38,7 +38,7 @@ class PhotoItem:
         path: absolute.
         settings: of the table ``[photo]`` for this photo alone.
         stamp: size in bytes and modification time in ns of the file at some time before it is read, by
-            :func:`stamped`; None if it is unknown, or there is no file.
+            :meth:`stamped`; None if it is unknown, or there is no file.
         replaces: names of files of an earlier result, of which some are lost: the others are deleted before the new
             result is saved.
         others: the other photos of the same moment.
@@ -51,19 +51,21 @@ class PhotoItem:
     replaces: tuple[str, ...] = field(default=(), compare=False)
     others: tuple[PhotoItem, ...] = ()
 
+    @classmethod
+    def at(cls, path: str | os.PathLike[str], **fields: Any) -> PhotoItem:
+        """Return the photo at a path; its id is by default the name of the file and a hash of the path."""
+        absolute = os.fspath(path) if "://" in os.fspath(path) else os.path.abspath(path)
+        name = f"{Path(absolute).stem}-{hashlib.sha256(os.fsencode(absolute)).hexdigest()[:16]}"
+        return cls(**{"id": name, "path": absolute, **fields})
 
-def stamped(item: PhotoItem) -> PhotoItem:
-    """Return a photo, and the others of its moment, with the sizes and times that the files have now."""
-    return replace(item, stamp=size_and_mtime(item.path), others=tuple(map(stamped, item.others)))
-
-
-def size_and_mtime(path: str) -> tuple[int, int] | None:
-    """Return the size in bytes and the modification time in ns of a file; None if it cannot be found."""
-    try:
-        status = os.stat(path)
-    except OSError:
-        return None
-    return status.st_size, status.st_mtime_ns
+    def stamped(self) -> PhotoItem:
+        """Return a copy with the size and time that the file has now, and those of the others of its moment."""
+        try:
+            status = os.stat(self.path)
+            stamp = status.st_size, status.st_mtime_ns
+        except OSError:
+            stamp = None
+        return replace(self, stamp=stamp, others=tuple(other.stamped() for other in self.others))
 
 
 @dataclass(frozen=True)
@@ -84,11 +86,6 @@ class PhotoList:
         reasons = sorted(self.skipped.items(), key=lambda reason: (-reason[1], reason[0]))
         text = ", ".join(f"{number:,} {printable(reason)}" for reason, number in reasons)
         return f"skipped {count:,} file{'s' * (count != 1)}: {text}" if count else ""
-
-
-def find_photos(inputs: Iterable[str], out: str | os.PathLike[str] | None = None) -> list[PhotoItem]:
-    """Return the photos of :func:`list_photos`."""
-    return list_photos(inputs, out).photos
 
 
 def list_photos(inputs: Iterable[str], out: str | os.PathLike[str] | None = None) -> PhotoList:
@@ -129,11 +126,6 @@ def _same_id(first: PhotoItem, second: PhotoItem) -> str:
     )
 
 
-def default_id(path: str) -> str:
-    """Return the id of a photo without an id in a table: its name, and a hash of its absolute path."""
-    return f"{Path(path).stem}-{hashlib.sha256(os.fsencode(path)).hexdigest()[:16]}"
-
-
 def photo_folder(item_id: str) -> str:
     """Return the folder of a photo's results in the output folder: "photos/3f/NAME", with 2 digits of the id's hash."""
     digest = hashlib.sha256(os.fsencode(item_id)).hexdigest()
@@ -143,22 +135,34 @@ def photo_folder(item_id: str) -> str:
     return f"photos/{digest[:2]}/{name}"
 
 
-def parse_shard(text: str) -> tuple[int, int]:
-    """Parse "3/16", the third of sixteen shards.
+@dataclass(frozen=True)
+class Shard:
+    """One of ``count`` parts of a batch; each id belongs to exactly one of them.
 
-    Raises:
-        ConfigError: it is not a shard.
+    Attributes:
+        number: from 1 to ``count``.
+        count: number of parts.
     """
-    match = re.fullmatch(r"([0-9]{1,6})/([0-9]{1,6})", text)
-    shard, count = (int(part) for part in match.groups()) if match else (0, 0)
-    if not 1 <= shard <= count:
-        raise ConfigError(f"a shard is written 3/16, with a first number from 1 to the second (got {quoted(text)})")
-    return shard, count
 
+    number: int
+    count: int
 
-def in_shard(item_id: str, shard: int, count: int) -> bool:
-    """Return whether a photo belongs to a shard; each id belongs to exactly one of 1, ..., ``count``."""
-    return int(hashlib.sha256(os.fsencode(item_id)).hexdigest()[-12:], 16) % count == shard - 1
+    @classmethod
+    def parse(cls, text: str) -> Shard:
+        """Parse "3/16", the third of sixteen shards.
+
+        Raises:
+            ConfigError: it is not a shard.
+        """
+        match = re.fullmatch(r"([0-9]{1,6})/([0-9]{1,6})", text)
+        number, count = (int(part) for part in match.groups()) if match else (0, 0)
+        if not 1 <= number <= count:
+            raise ConfigError(f"a shard is written 3/16, with a first number from 1 to the second (got {quoted(text)})")
+        return cls(number, count)
+
+    def __contains__(self, item_id: str) -> bool:
+        """Return whether the photo with an id belongs to this shard."""
+        return int(hashlib.sha256(os.fsencode(item_id)).hexdigest()[-12:], 16) % self.count == self.number - 1
 
 
 def _items_of(source: str, skipped: Counter[str]) -> Iterator[PhotoItem]:
@@ -174,15 +178,15 @@ def _items_of(source: str, skipped: Counter[str]) -> Iterator[PhotoItem]:
     path = Path(source)
     # Unlike methods of Path, functions of os.path return False for a name that no file can have.
     if os.path.isdir(source):
-        yield from map(_item, sorted(_photos_below(source, skipped)))
+        yield from map(PhotoItem.at, sorted(_photos_below(source, skipped)))
     elif path.suffix.lower() in _TABLE_SUFFIXES and os.path.exists(source):
         if not os.path.isfile(source):  # reading a pipe would block
             raise InputError(f"cannot read {_show(source)}: it is not a regular file; name a CSV or Parquet table")
         yield from _table_items(path)
     elif os.path.exists(source):
-        yield _item(path)
+        yield PhotoItem.at(path)
     else:
-        yield from map(_item, _photos_matching(source, skipped))
+        yield from map(PhotoItem.at, _photos_matching(source, skipped))
 
 
 def _photos_below(top: str, skipped: Counter[str]) -> Iterator[Path]:
@@ -238,11 +242,6 @@ def _reason(name: str) -> str:
     return "" if suffix in _PHOTO_SUFFIXES else suffix or "without a suffix"
 
 
-def _item(file: Path) -> PhotoItem:
-    path = os.path.abspath(file)
-    return PhotoItem(default_id(path), path)
-
-
 def _table_items(table: Path) -> Iterator[PhotoItem]:
     moments: dict[str, list[PhotoItem]] = {}
     for number, row in enumerate(_rows(table), start=1):
@@ -279,8 +278,9 @@ def photo_of_row(row: Mapping[str, Any], folder: str | os.PathLike[str] = "") ->
     if not isinstance(path, str) or "\0" in path:
         raise ValueError(f"a path is text without null characters (got {quoted(path)})")
     if "://" not in path:
-        path = os.path.abspath(os.path.join(folder, path))
-    return PhotoItem(_text(row.get("id")) or default_id(path), path, _settings(row, folder))
+        path = os.path.join(folder, path)
+    item = PhotoItem.at(path, settings=_settings(row, folder))
+    return replace(item, id=_text(row.get("id")) or item.id)
 
 
 def _rows(table: Path) -> Iterator[dict[str, Any]]:

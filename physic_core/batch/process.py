@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from physic_core.batch.journal import PEOPLE_COLUMN
 from physic_core.batch.machine import peak_memory_mb
 from physic_core.batch.moments import reconstruct_moment
-from physic_core.batch.photos import PhotoItem, photo_folder, size_and_mtime, stamped
+from physic_core.batch.photos import PhotoItem, photo_folder
 from physic_core.batch.result_files import file_sizes_text, result_digest
 from physic_core.batch.settings import batch_config, config_digest, settings_digest
 from physic_core.batch.thumbnails import write_thumbnail
@@ -104,7 +104,7 @@ class PhotoProcessor:
         Raises:
             OutputError: the files cannot be written: the disk is full, or gone.
         """
-        start, item = time.perf_counter(), stamped(item)
+        start, item = time.perf_counter(), item.stamped()
         try:
             beside: Mapping[str, bytes] = {}
             if item.others:
@@ -167,7 +167,7 @@ def failed_row(
         "seconds": seconds,
         "attempts": attempts,
         # A file that was replaced meanwhile is not the one that failed.
-        "photo": file_digest(item.path) if size_and_mtime(item.path) == item.stamp else "",
+        "photo": file_digest(item.path) if item.stamped().stamp == item.stamp else "",
     }
 
 

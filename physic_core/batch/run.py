@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from physic_core.batch.journal import Journal, read_journals
-from physic_core.batch.photos import PhotoItem, photo_folder, stamped
+from physic_core.batch.photos import PhotoItem, photo_folder
 from physic_core.batch.process import BatchJob, PhotoProcessor, failed_row
 from physic_core.batch.result_files import is_complete, names_of_files, result_digest
 from physic_core.batch.workers import Outcome, WorkerSettings, run_in_workers
@@ -87,7 +87,7 @@ def plan_batch(
             versions.add(str(row.get("version", "")))
     kept = tuple(sorted(versions))
     return BatchPlan(
-        tuple(map(stamped, todo)),
+        tuple(item.stamped() for item in todo),
         count["done"],
         count["failed"],
         count["changed"],
@@ -148,7 +148,7 @@ def outcome_row(job: BatchJob, outcome: Outcome[PhotoItem]) -> dict[str, Any]:
 
 
 def _is_current(row: Mapping[str, Any], item: PhotoItem, job: BatchJob) -> bool:
-    item = stamped(item)
+    item = item.stamped()
     if row["config"] != job.digest(item) or row.get("save") != str(job.saving):
         return False
     if item.stamp is None:

@@ -38,25 +38,23 @@ _ROWS = 10_000  # of one group of a Parquet file
 _MARKS = {"csv": ",".join(COLUMNS), "parquet": MARK}  # CSV has no comments: its first line is the mark
 
 
-def check_table_kind(kind: str) -> None:
-    """Raise ConfigError if tables of this kind cannot be written on this machine."""
+def choose_table(out: Path, kind: str | None) -> str:
+    """Return the kind of the table of photos, after a check that both tables of a batch can be written.
+
+    Args:
+        out: folder of the batch.
+        kind: "csv" or "parquet"; None for "parquet" where pyarrow is installed.
+
+    Raises:
+        PackageMissingError: pyarrow is not installed.
+        OutputError: a file of the user has the name of a table.
+    """
+    kind = kind or ("csv" if find_spec("pyarrow") is None else "parquet")
     if kind == "parquet":
         import_pyarrow("summary.parquet")
-
-
-def check_table(out: Path, kind: str) -> None:
-    """Raise OutputError if :func:`write_table` would replace a file that no batch has written."""
     check_own(out / f"summary.{kind}", mark=_MARKS[kind])
-
-
-def check_people_table(out: Path) -> None:
-    """Raise OutputError if :func:`write_people_table` would replace a file that PhySIC has not written."""
     check_own(out / PEOPLE_TABLE, mark=PEOPLE_MARK)
-
-
-def default_table_kind() -> str:
-    """Return "parquet" where pyarrow is installed, else "csv"."""
-    return "csv" if find_spec("pyarrow") is None else "parquet"
+    return kind
 
 
 def all_columns() -> tuple[str, ...]:
@@ -89,7 +87,7 @@ def write_table(out: Path, kind: str) -> Path:
         ConfigError: pyarrow is not installed.
         OutputError: the file cannot be written, or no batch has written the one there.
     """
-    check_table(out, kind)
+    check_own(out / f"summary.{kind}", mark=_MARKS[kind])
     numbers = sorted({name for row in last_rows(out) for name in row} - COLUMNS.keys() - {PEOPLE_COLUMN})
     name = f"summary.{kind}"
     with atomic_write(out) as temporary:
@@ -108,7 +106,7 @@ def write_people_table(out: Path) -> Path:
     Raises:
         OutputError: the file cannot be written, or PhySIC has not written the one there.
     """
-    check_people_table(out)
+    check_own(out / PEOPLE_TABLE, mark=PEOPLE_MARK)
     people = ({"photo": row["id"], **one} for row in last_rows(out) for one in row.get(PEOPLE_COLUMN) or ())
     with atomic_write(out) as temporary, temporary(PEOPLE_TABLE).open("w", newline="", encoding="utf-8") as file:
         write_people(file, people)

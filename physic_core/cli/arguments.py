@@ -122,22 +122,11 @@ def one_photo(given: tuple[str, ...]) -> Path:
     return Path(text)
 
 
-def refuse_nan(ctx: click.Context, parameter: click.Parameter, value: float) -> float:
-    """Return a number, as the callback of an option.
-
-    Raises:
-        BadParameter: it is NaN, which is in every range of click.
-    """
-    if value != value:
-        raise click.BadParameter("nan is not a number", ctx, parameter)
-    return value
-
-
 def require_interface(name: str | None) -> None:
     """Raise UsageError if ``name`` is neither None nor the name of an interface.
 
     Raises:
-        UsageError: the message lists the interfaces and suggests the did_you_mean one.
+        UsageError: the message lists the interfaces and suggests a similar one.
     """
     from physic_core.configuration.problems import did_you_mean
     from physic_core.interfaces import INTERFACES

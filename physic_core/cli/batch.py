@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from physic_core.cli.arguments import SavedFiles, complete_files, configuration_options, refuse_nan
+from physic_core.cli.arguments import SavedFiles, complete_files, configuration_options
 from physic_core.cli.output import echo
 from physic_core.configuration.quoting import printable
 
@@ -33,7 +33,6 @@ _SAVE = "Files of each photo, as of physic run; summary: none. +preview, +glb, +
 @click.option(
     "--timeout",
     type=click.FloatRange(0, 10_000_000),
-    callback=refuse_nan,
     default=600,
     show_default=True,
     help="Seconds of one photo; 0: none.",
@@ -63,32 +62,23 @@ def batch(
     """
     from physic_core.batch.contact_sheet import check_contact_sheet, write_contact_sheet
     from physic_core.batch.moments import require_moments
-    from physic_core.batch.photos import in_shard, list_photos, parse_shard
+    from physic_core.batch.photos import Shard, list_photos
     from physic_core.batch.run import plan_batch, run_batch
-    from physic_core.batch.table import (
-        check_people_table,
-        check_table,
-        check_table_kind,
-        default_table_kind,
-        write_people_table,
-        write_table,
-    )
+    from physic_core.batch.table import choose_table, write_people_table, write_table
 
-    table = options["table"] or default_table_kind()
-    check_table_kind(table)
-    check_table(out, table)
-    check_people_table(out)
+    table = choose_table(out, options["table"])
     if not options["no_thumbnails"]:
         check_contact_sheet(out)
     name, logs = "journal.jsonl", out.absolute() / "logs"
     if shard is not None:
-        part, count = parse_shard(shard)
-        name, logs = f"journal-{part}-of-{count}.jsonl", logs / f"{part}-of-{count}"
+        part = Shard.parse(shard)
+        words = f"{part.number}-of-{part.count}"
+        name, logs = f"journal-{words}.jsonl", logs / words
     run = _executor(logs, options)
     listed = list_photos(photos, out)
     items = listed.photos
     if shard is not None:
-        items = [item for item in items if in_shard(item.id, part, count)]
+        items = [item for item in items if item.id in part]
     if any(item.others for item in items):
         require_moments()
     job = _job(out, options, write=not dry_run)

@@ -82,48 +82,37 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
 @click.option("--all", "with_defaults", is_flag=True, help="Also print the default values of backends and engine.")
 def show_config(file: Path | None, preset: str | None, overrides: tuple[str, ...], with_defaults: bool) -> None:
     """Print the resolved configuration of FILE and the source of each value."""
-    found = _load(file, preset, overrides)
-    if with_defaults:
-        from physic_core.discovery.plugins import discover
-
-        echo(full_toml(found, discover()), nl=False)
-    else:
-        echo(resolved_toml(found), nl=False)
-
-
-def _load(file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> Config:
     from physic_core.configuration.model import load_config
+    from physic_core.discovery.plugins import discover
 
-    return load_config(file, preset=preset, overrides=overrides)
-
-
-def resolved_toml(found: Config) -> str:
-    """Format a configuration as TOML, with the source of each value as a comment."""
-    blocks = []
-    for name, table in found.as_dict().items():
-        blocks += _table(name, table, lambda path: f"  # {found.source(path)}")
-    return "\n".join(blocks).lstrip("\n") + "\n"
+    found = load_config(file, preset=preset, overrides=overrides)
+    echo(config_toml(found, discover() if with_defaults else None), nl=False)
 
 
-def full_toml(found: Config, registry: Registry) -> str:
-    """Format a configuration as TOML with all options of its backends and all settings of the engine.
+def config_toml(found: Config, registry: Registry | None = None) -> str:
+    """Format a configuration as TOML, with the source of each value as a comment.
+
+    Args:
+        found: the configuration.
+        registry: adds all options of the backends and all settings of the engine; None for the given values alone.
 
     Raises:
         ConfigError: names or options are invalid; the message lists all errors.
     """
-    from dataclasses import asdict
+    tables, default_sources = found.as_dict(), dict[str, str]()
+    if registry is not None:
+        from dataclasses import asdict
 
-    from physic_core.configuration.resolve import resolve
+        from physic_core.configuration.resolve import resolve
 
-    plan, tables = resolve(found, registry), found.as_dict()
-    default_sources: dict[str, str] = {}
-    for name, chosen in plan.backends.items():
-        who = chosen.provenance
-        tables[name]["options"] = dict(who.options)
-        default_sources[f"{name}.options"] = f"default of {who.distribution} {who.version}".rstrip()
-    for stage in ("scene", "placement", "joint", "contact"):
-        tables["engine"][stage] = asdict(getattr(plan.engine, stage))
-        default_sources[f"engine.{stage}"] = f"engine preset {found.engine.preset}"
+        plan = resolve(found, registry)
+        for name, chosen in plan.backends.items():
+            who = chosen.provenance
+            tables[name]["options"] = dict(who.options)
+            default_sources[f"{name}.options"] = f"default of {who.distribution} {who.version}".rstrip()
+        for stage in ("scene", "placement", "joint", "contact"):
+            tables["engine"][stage] = asdict(getattr(plan.engine, stage))
+            default_sources[f"engine.{stage}"] = f"engine preset {found.engine.preset}"
 
     def note(path: str) -> str:
         above = next((words for start, words in default_sources.items() if path.startswith(f"{start}.")), "")

@@ -13,6 +13,7 @@ from physic_core.cli.output import echo
 def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     if not wanted:
         return
+    from physic_core.cli.listing import format_table
     from physic_core.discovery.catalog import EXPORTERS
     from physic_core.discovery.exporters import find_exporters
     from physic_core.discovery.installed import explain_absence
@@ -25,9 +26,7 @@ def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
             what = f"the extra '{each.extra}'" if each.extra else ", ".join(each.packages)
             needs.insert(0, f"{what} ({'not installed' if each.missing_packages else 'installed'})")
         rows.append((each.name, " ".join(each.suffixes), each.audience, each.content, "; ".join(needs) or "-"))
-    widths = [max(len(row[column]) for row in rows) for column in range(4)]
-    for row in rows:
-        echo("  ".join([*(cell.ljust(width) for cell, width in zip(row, widths, strict=False)), row[4]]))
+    echo(format_table(rows))
     listed = {row[0] for row in rows}
     for distribution, formats in EXPORTERS.items():
         if missing := ", ".join(sorted(formats.keys() - listed)):

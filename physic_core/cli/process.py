@@ -8,6 +8,10 @@ import os
 import sys
 from contextlib import suppress
 
+GC_THRESHOLD = 100_000
+"""New objects after which Python looks for reference cycles; the default of 700 takes .35 s of the imports of a photo,
+whose objects all live on."""
+
 
 def main_of_process() -> None:
     """Run the command, and end the process without the teardown of the interpreter, which takes torch 0.7 s.
@@ -16,7 +20,7 @@ def main_of_process() -> None:
     """
     from physic_core.cli import main
 
-    collect_rarely()
+    gc.set_threshold(GC_THRESHOLD)
     code = 1
     # Registered before any other function, and so called after all of them.
     atexit.register(lambda: _end(code))
@@ -25,14 +29,6 @@ def main_of_process() -> None:
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else int(end.code is not None)
         raise
-
-
-def collect_rarely() -> None:
-    """Let Python look for reference cycles after 100,000 new objects: imports make many, which all live on.
-
-    The default of 700 takes .35 s of the imports of a photo.
-    """
-    gc.set_threshold(100_000)
 
 
 def _end(code: int) -> None:

@@ -58,7 +58,7 @@ def _write(folder: Path, out: Path | None, title: str, each: bool) -> None:
 
 def _write_index(folder: Path, each: bool) -> None:
     """Write the contact sheet of a folder of results, and with ``each`` the page of every result."""
-    from physic_core.batch.contact_sheet import check_contact_sheet, find_results, write_index
+    from physic_core.batch.contact_sheet import check_contact_sheet, find_results, write_contact_sheet
     from physic_core.errors import InputError
     from physic_core.io.report_file import add_report
 
@@ -71,4 +71,4 @@ def _write_index(folder: Path, each: bool) -> None:
             echo(f"[{number}/{len(found)}] {error}", err=True)
         else:
             echo(f"[{number}/{len(found)}] {path}", err=True)
-    echo(f"wrote {write_index(folder, found)}")
+    echo(f"wrote {write_contact_sheet(folder, found)}")

@@ -110,6 +110,9 @@ def test_without_pyarrow_the_command_names_the_package_to_install(tmp_path: Path
 
 
 @pytest.mark.parametrize(("installed", "kind"), [(True, "parquet"), (False, "csv")])
-def test_the_table_is_a_csv_file_without_pyarrow(installed: bool, kind: str, monkeypatch: pytest.MonkeyPatch):
+def test_the_table_is_a_csv_file_without_pyarrow(
+    installed: bool, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(table, "import_pyarrow", lambda purpose: None)
     monkeypatch.setattr(table, "find_spec", lambda name: object() if installed else None)
-    assert table.default_table_kind() == kind
+    assert table.choose_table(tmp_path, None) == kind

@@ -81,10 +81,10 @@ def test_the_table_of_photos_is_never_replaced_by_the_table_of_results(photos: P
 def test_a_table_is_known_by_its_mark(kind: str, tmp_path: Path):
     if kind == "parquet":
         pytest.importorskip("pyarrow")
-    from physic_core.batch.table import check_table, write_table
+    from physic_core.batch.table import choose_table, write_table
 
     write_table(tmp_path, kind)
-    check_table(tmp_path, kind)
+    assert choose_table(tmp_path, kind) == kind
     (tmp_path / f"summary.{kind}").write_text("path,note\n")
     with pytest.raises(OutputError):
         write_table(tmp_path, kind)

@@ -14,11 +14,8 @@ from hypothesis import strategies as st
 
 from physic_core.batch.photos import (
     PhotoItem,
-    default_id,
-    find_photos,
-    in_shard,
+    Shard,
     list_photos,
-    parse_shard,
     photo_folder,
 )
 from physic_core.errors import ConfigError, InputError
@@ -39,19 +36,19 @@ def names(items: list[PhotoItem]) -> list[str]:
 
 
 def test_a_folder_gives_its_photos_recursively_and_in_order(folder: Path):
-    assert names(find_photos([str(folder)])) == ["a.PNG", "b.jpg", "c.webp"]
+    assert names(list_photos([str(folder)]).photos) == ["a.PNG", "b.jpg", "c.webp"]
 
 
 def test_files_patterns_and_folders_give_each_photo_once(folder: Path):
-    assert names(find_photos(["photos/b.jpg", "photos/**/*.webp", "photos"])) == ["b.jpg", "c.webp", "a.PNG"]
-    assert names(find_photos(["photos/notes.txt"])) == ["notes.txt"]
-    assert find_photos(["photos/b.jpg"]) == find_photos([str(folder / "b.jpg")])
+    assert names(list_photos(["photos/b.jpg", "photos/**/*.webp", "photos"]).photos) == ["b.jpg", "c.webp", "a.PNG"]
+    assert names(list_photos(["photos/notes.txt"]).photos) == ["notes.txt"]
+    assert list_photos(["photos/b.jpg"]).photos == list_photos([str(folder / "b.jpg")]).photos
 
 
 def test_pictures_of_an_earlier_run_are_no_photos(folder: Path):
     (folder / "out" / "thumbnails").mkdir(parents=True)
     (folder / "out" / "thumbnails" / "b.jpg").touch()
-    assert names(find_photos(["photos", "photos/**/*.jpg"], "photos/out")) == ["a.PNG", "b.jpg", "c.webp"]
+    assert names(list_photos(["photos", "photos/**/*.jpg"], "photos/out").photos) == ["a.PNG", "b.jpg", "c.webp"]
 
 
 def test_a_table_gives_cameras_statures_ages_and_ids(folder: Path):
@@ -59,18 +56,18 @@ def test_a_table_gives_cameras_statures_ages_and_ids(folder: Path):
         "path,camera,stature,age,id\n"
         'b.jpg,"900,910,320,240",1.8,,first\na.PNG,700,"1.8,1.6","0,7.5",\ndeep/er/c.webp,,,,\n'
     )
-    first, second, third = find_photos([str(folder / "table.csv")])
+    first, second, third = list_photos([str(folder / "table.csv")]).photos
     assert first == PhotoItem(
         "first", str(folder / "b.jpg"), {"intrinsics": [900.0, 910.0, 320.0, 240.0], "stature": [1.8]}
     )
     assert second.settings == {"focal_px": 700.0, "stature": [1.8, 1.6], "age": [0.0, 7.5]}
-    assert (second.id, third.settings) == (default_id(str(folder / "a.PNG")), {})
+    assert (second.id, third.settings) == (PhotoItem.at(folder / "a.PNG").id, {})
 
 
 def test_photos_of_one_moment_are_one_item(folder: Path):
     (folder / "table.csv").write_text("path,stature,moment\nb.jpg,1.8,jump\ndeep/er/c.webp,,\na.PNG,1.7,jump\n")
-    single, jump = find_photos([str(folder / "table.csv")])
-    assert single == PhotoItem(default_id(str(folder / "deep/er/c.webp")), str(folder / "deep/er/c.webp"))
+    single, jump = list_photos([str(folder / "table.csv")]).photos
+    assert single == PhotoItem.at(folder / "deep/er/c.webp")
     assert (jump.id, jump.path, jump.settings) == ("jump", str(folder / "b.jpg"), {"stature": [1.8]})
     assert [(one.path, one.settings) for one in jump.others] == [(str(folder / "a.PNG"), {"stature": [1.7]})]
 
@@ -107,13 +104,13 @@ def test_photos_of_one_moment_are_one_item(folder: Path):
 def test_a_table_with_faults_is_an_error(folder: Path, rows: str, message: str):
     (folder / "table.csv").write_text(rows)
     with pytest.raises(InputError) as error:
-        find_photos([str(folder / "table.csv")])
+        list_photos([str(folder / "table.csv")])
     assert str(error.value).endswith(message)
 
 
 def test_a_pattern_without_photos_is_an_error():
     with pytest.raises(InputError) as error:
-        find_photos(["nowhere/*.jpg"])
+        list_photos(["nowhere/*.jpg"])
     assert str(error.value) == ("no photos at nowhere/*.jpg: name files, folders, patterns, or a CSV or Parquet table")
 
 
@@ -121,14 +118,14 @@ def test_a_pattern_without_photos_is_an_error():
 def test_a_table_without_photos_is_an_error(tmp_path: Path, text: str):
     (tmp_path / "table.csv").write_text(text)
     with pytest.raises(InputError) as error:
-        find_photos([str(tmp_path / "table.csv")])
+        list_photos([str(tmp_path / "table.csv")])
     assert str(error.value) == f"no photos in {tmp_path / 'table.csv'}"
 
 
 def test_the_folder_of_the_photos_cannot_be_the_output_folder(tmp_path: Path):
     (tmp_path / "a.jpg").touch()
     with pytest.raises(InputError) as error:
-        find_photos([str(tmp_path)], tmp_path)
+        list_photos([str(tmp_path)], tmp_path)
     assert str(error.value) == f"no photos in {tmp_path}: skipped 1 file: 1 in the output folder"
 
 
@@ -148,20 +145,20 @@ def test_skipped_files_are_counted_by_reason(folder: Path):
         "skipped 10 files: 4 in folders of results, 2 .txt, 1 .db, 1 hidden, 1 link to a folder, 1 without a suffix"
     )
     assert list_photos(["photos/*/*.png", "photos/b.jpg"]).skipped == {"in folders of results": 1}
-    assert names(find_photos(["photos/b-physic/preview.png"])) == ["preview.png"]
+    assert names(list_photos(["photos/b-physic/preview.png"]).photos) == ["preview.png"]
     with pytest.raises(InputError) as error:
-        find_photos(["photos/old"])
+        list_photos(["photos/old"])
     assert str(error.value) == "no photos in photos/old: skipped 2 files: 2 in folders of results"
 
 
 UNREADABLE = """
 import os, sys
-from physic_core.batch.photos import find_photos
+from physic_core.batch.photos import list_photos
 from physic_core.errors import InputError
 if os.geteuid() == 0:
     os.seteuid(65534)  # root may read everything
 try:
-    print(find_photos([sys.argv[1]]))
+    print(list_photos([sys.argv[1]]).photos)
 except InputError as error:
     print(error)
 """
@@ -187,7 +184,7 @@ def test_parquet_tables_of_pandas_have_nan_for_missing_values_and_numbers_as_ids
     nan = float("nan")
     columns = {"path": ["a.jpg", "b.jpg"], "id": [0, 1], "camera": [nan, 900.0], "stature": [nan, 1.7]}
     parquet.write_table(pyarrow.table(columns), tmp_path / "table.parquet")
-    items = find_photos([str(tmp_path / "table.parquet")])
+    items = list_photos([str(tmp_path / "table.parquet")]).photos
     assert [(item.id, item.settings) for item in items] == [
         ("0", {}),
         ("1", {"focal_px": 900.0, "stature": [1.7]}),
@@ -196,7 +193,7 @@ def test_parquet_tables_of_pandas_have_nan_for_missing_values_and_numbers_as_ids
     (tmp_path / "text.parquet").write_text("no table")
     for name, message in (("bytes", r"row 1: a path is text .* \(got b'a.jpg'\)$"), ("text", "^cannot read ")):
         with pytest.raises(InputError, match=message):
-            find_photos([str(tmp_path / f"{name}.parquet")])
+            list_photos([str(tmp_path / f"{name}.parquet")])
 
 
 def test_a_folder_has_two_digits_of_the_ids_hash_before_it():
@@ -215,18 +212,18 @@ def test_every_id_is_a_valid_folder_name(item: str):
 @given(st.lists(st.text(min_size=1), min_size=1, max_size=50), st.integers(1, 20))
 def test_shards_cover_every_photo_once(items: list[str], count: int):
     for item in items:
-        assert sum(in_shard(item, shard, count) for shard in range(1, count + 1)) == 1
+        assert sum(item in Shard(shard, count) for shard in range(1, count + 1)) == 1
 
 
 def test_the_shard_of_a_photo_is_the_same_in_every_version():
-    shards = {item: next(k for k in range(1, 8) if in_shard(item, k, 7)) for item in ("IMG_1", "a/b", "ü")}
+    shards = {item: next(k for k in range(1, 8) if item in Shard(k, 7)) for item in ("IMG_1", "a/b", "ü")}
     assert shards == {"IMG_1": 3, "a/b": 2, "ü": 5}
 
 
 @pytest.mark.parametrize("text", ["0/3", "4/3", "3", "a/b", "1/0", "-1/3"])
 def test_invalid_shards_are_an_error(text: str):
-    assert parse_shard("3/16") == (3, 16)
+    assert Shard.parse("3/16") == Shard(3, 16)
     with pytest.raises(
         ConfigError, match=r"^a shard is written 3/16, with a first number from 1 to the second \(got '"
     ):
-        parse_shard(text)
+        Shard.parse(text)

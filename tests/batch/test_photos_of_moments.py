@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from fuzzing.tiny_result import tiny_result
 from physic_core import load_reconstruction
 from physic_core.batch.journal import read_rows
-from physic_core.batch.photos import find_photos
+from physic_core.batch.photos import list_photos
 from physic_core.batch.process import BatchJob, PhotoProcessor
 from physic_core.batch.run import plan_batch, run_batch
 from physic_core.cli import main
@@ -62,7 +62,7 @@ def reconstruct(path: str, settings: Mapping[str, Any]) -> Any:
 def run(table: Path, out: Path) -> list[str]:
     """Run or resume a batch in this process; return the ids that were done."""
     job = BatchJob(load_config(preset="mock"), str(out), "numbers", thumbnails=False)
-    todo, process = plan_batch(find_photos([str(table)]), job).todo, PhotoProcessor(job, reconstruct)
+    todo, process = plan_batch(list_photos([str(table)]).photos, job).todo, PhotoProcessor(job, reconstruct)
     run_batch(todo, job, lambda items, job: (process(item) for item in items), out / "journal.jsonl")
     return [item.id for item in todo]
 
@@ -126,7 +126,7 @@ def test_without_a_plugin_moments_name_the_distribution(table: Path, tmp_path: P
 def test_a_moment_has_several_photos(tmp_path: Path):
     (tmp_path / "table.csv").write_text("path,moment\na.jpg,pair\n")
     with pytest.raises(InputError) as error:
-        find_photos([str(tmp_path / "table.csv")])
+        list_photos([str(tmp_path / "table.csv")])
     assert str(error.value) == (
         f"{tmp_path / 'table.csv'}: only {tmp_path / 'a.jpg'} is of the moment 'pair': name another photo of it, or "
         "leave the cell empty"

@@ -25,10 +25,9 @@ import pytest
 from fuzzing.tiny_result import tiny_result
 from physic_core import load_reconstruction
 from physic_core.batch.contact_sheet import write_contact_sheet
-from physic_core.batch.journal import COLUMNS, Journal, JournalRows, last_rows, read_journals, read_rows
-from physic_core.batch.photos import find_photos, stamped
+from physic_core.batch.journal import COLUMNS, Journal, JournalRows, last_rows, read_journals, read_rows, row_checksum
+from physic_core.batch.photos import list_photos
 from physic_core.batch.process import BatchJob, PhotoProcessor, base_row
-from physic_core.batch.row_checksum import with_checksum
 from physic_core.batch.run import plan_batch, run_batch
 from physic_core.batch.table import write_table
 from physic_core.configuration.model import load_config
@@ -143,7 +142,8 @@ def test_the_last_row_of_an_id_counts_and_torn_lines_do_not(tmp_path: Path):
         journal.append(row("b"))
         journal.append(row("a", "2026-01-02T00:00:00", value=1.0 / 3))
     with (tmp_path / "journal.jsonl").open("ab") as file:
-        odd = with_checksum({"id": ["x"], "state": "done", "config": "c", "finished": "f"})
+        odd = {"id": ["x"], "state": "done", "config": "c", "finished": "f"}
+        odd["checksum"] = row_checksum(odd)
         file.write(json.dumps(odd).encode() + b"\nnull\n\x00\xff\n")
         file.write(b"[" * 100_000 + b'\n{"id": "c", "state": "do')
     with Journal(tmp_path / "journal.jsonl") as journal:
@@ -222,10 +222,10 @@ def finished(job: BatchJob, photos: Path, **more: Any) -> None:
     out = Path(job.out)
     out.mkdir(exist_ok=True)
     with Journal(out / "journal.jsonl") as journal:
-        for item in find_photos([str(photos)]):
+        for item in list_photos([str(photos)]).photos:
             from physic_core.io.result_folder import file_digest
 
-            journal.append(base_row(job, stamped(item)) | {"state": "done", "photo": file_digest(item.path)} | more)
+            journal.append(base_row(job, item.stamped()) | {"state": "done", "photo": file_digest(item.path)} | more)
 
 
 def job_for(out: Path, *overrides: str, level: str = "summary") -> BatchJob:
@@ -233,7 +233,7 @@ def job_for(out: Path, *overrides: str, level: str = "summary") -> BatchJob:
 
 
 def todo(job: BatchJob, photos: Path, **options: bool) -> list[str]:
-    return [Path(item.path).stem for item in plan_batch(find_photos([str(photos)]), job, **options).todo]
+    return [Path(item.path).stem for item in plan_batch(list_photos([str(photos)]).photos, job, **options).todo]
 
 
 def test_what_changed_is_done_anew(tmp_path: Path, out: Path):
@@ -244,7 +244,7 @@ def test_what_changed_is_done_anew(tmp_path: Path, out: Path):
     assert todo(job, photos) == []  # touched, with the same content
     (photos / "b.jpg").write_text("B")
     assert todo(job, photos) == ["b"]
-    assert plan_batch(find_photos([str(photos)]), job).changed == 1
+    assert plan_batch(list_photos([str(photos)]).photos, job).changed == 1
     (photos / "d.jpg").write_text("d")
     assert todo(job, photos) == ["b", "d"]
 
@@ -273,7 +273,7 @@ def tiny(path: str, settings: Mapping[str, Any]) -> Any:
 def run_tiny(photos: Path, job: BatchJob) -> dict[str, Any]:
     """Write the result of every photo and its row, and return the last row."""
     process = PhotoProcessor(job, tiny)
-    todo = find_photos([str(photos)])
+    todo = list_photos([str(photos)]).photos
     run_batch(todo, job, lambda items, job: (process(item) for item in items), Path(job.out) / "journal.jsonl")
     return list(read_rows(Path(job.out)).values())[-1]
 
@@ -305,7 +305,7 @@ def test_each_file_that_is_lost_is_made_again(tmp_path: Path, out: Path, saving:
         path.unlink()
         if damage == "cut":
             path.write_bytes(content[: len(content) // 2])
-        plan = plan_batch(find_photos([str(photos)]), job)
+        plan = plan_batch(list_photos([str(photos)]).photos, job)
         assert (path.name, len(plan.todo), plan.lost, plan.changed) == (path.name, 1, 1, 0)
         path.write_bytes(content)
     assert todo(job, photos) == []
@@ -335,7 +335,7 @@ def test_a_photo_with_a_lost_file_is_done_anew(tmp_path: Path, out: Path, name: 
     path.unlink()
     if damage == "cut":
         path.write_bytes(content[: len(content) // 2])
-    (item,) = plan_batch(find_photos([str(photos)]), job).todo
+    (item,) = plan_batch(list_photos([str(photos)]).photos, job).todo
     row = PhotoProcessor(job, tiny)(item)
     assert (row["state"], row["message"]) == ("done", "")
     assert load_reconstruction(out / row["folder"]).photo == tiny_result().photo
@@ -364,7 +364,7 @@ def test_a_photo_that_is_replaced_while_it_is_read_is_done_again(tmp_path: Path,
         return replace(tiny_result(), photo=f"sha256:{hashlib.sha256(b'done').hexdigest()}")
 
     process = PhotoProcessor(job, replaced)
-    items = find_photos([str(photos)])
+    items = list_photos([str(photos)]).photos
     run_batch(items, job, lambda items, job: (process(item) for item in items), out / "journal.jsonl")
     assert sorted(todo(job, photos)) == ["done", "failed"]
 
@@ -382,6 +382,6 @@ def test_results_without_a_row_and_rows_without_a_result_are_made_again(tmp_path
 def test_failed_photos_are_tried_again_with_retry(tmp_path: Path, out: Path):
     photos, job = make_photos(tmp_path / "photos", "a"), job_for(out)
     finished(job, photos, state="failed", error="NoPersonError")
-    plan = plan_batch(find_photos([str(photos)]), job)
+    plan = plan_batch(list_photos([str(photos)]).photos, job)
     assert (plan.todo, plan.failed, plan.done) == ((), 1, 0)
     assert todo(job, photos, retry_failed=True) == ["a"]

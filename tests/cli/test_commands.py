@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from physic_core.cli import main
-from physic_core.cli.config import full_toml, resolved_toml
+from physic_core.cli.config import config_toml
 from physic_core.cli.listing import describe_backend, plugins_as_dicts, plugins_table
 from physic_core.cli.plugins import details
 from physic_core.configuration.model import load_config, preset_names
@@ -441,7 +441,7 @@ def test_config_show_prints_toml_that_gives_the_same_config(preset: str):
     config = load_config(
         preset=preset, overrides=["inpainter.options={a=[1, 2.5], b={c='ü\"\\n'}}", "photo.focal_px=9"]
     )
-    printed = tomllib.loads(resolved_toml(config))
+    printed = tomllib.loads(config_toml(config))
     assert load_config(flags={"shown": printed}).as_dict() == config.as_dict()
 
 
@@ -457,7 +457,7 @@ def test_show_says_where_each_value_is_from():
 @pytest.mark.parametrize("preset", preset_names())
 def test_show_all_prints_toml_that_comes_to_the_same_settings(preset: str):
     config = load_config(preset=preset, overrides=["engine.joint.optimiser.steps=40"])
-    printed = tomllib.loads(full_toml(config, discover()))
+    printed = tomllib.loads(config_toml(config, discover()))
     again = load_config(flags={"shown": printed})
     assert again.engine.settings() == config.engine.settings()
     before, after = (resolve(c, discover()).backends for c in (config, again))

@@ -14,7 +14,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from physic_core.batch.photos import PhotoItem, stamped
+from physic_core.batch.photos import PhotoItem
 from physic_core.batch.process import BatchJob, PhotoProcessor
 from physic_core.batch.run import outcome_row
 from physic_core.batch.workers import SupervisedWorker, WorkerSettings
@@ -86,7 +86,7 @@ class PhotoWorker:
             PhysicError: a new worker cannot be opened.
         """
         with _hidden_main_module():
-            return outcome_row(self._job, self._worker(stamped(item)))
+            return outcome_row(self._job, self._worker(item.stamped()))
 
 
 class JsonActor:

@@ -16,7 +16,7 @@ import pytest
 
 from physic_core.batch.executors import ExecutorSettings
 from physic_core.batch.journal import COLUMNS, read_rows
-from physic_core.batch.photos import find_photos
+from physic_core.batch.photos import list_photos
 from physic_core.batch.process import BatchJob
 from physic_core.batch.run import plan_batch, run_batch, run_locally
 from physic_core.batch.workers import WorkerSettings
@@ -79,7 +79,7 @@ def job_for(out: Path) -> BatchJob:
 def run(
     photos: Path, job: BatchJob, executor: Callable[..., Any], on_row: Callable[..., None] = lambda row: None
 ) -> None:
-    todo = plan_batch(find_photos([str(photos)]), job).todo
+    todo = plan_batch(list_photos([str(photos)]).photos, job).todo
     run_batch(todo, job, executor, Path(job.out) / "journal.jsonl", on_row)
 
 
@@ -110,7 +110,7 @@ def test_thirty_photos_have_the_rows_of_the_local_executor(cluster: Any, standin
         "WorkerDied": 1,
     }
     assert all(COLUMNS.keys() - set(TIMES) <= row.keys() for row in rows.values())
-    assert plan_batch(find_photos([str(photos)]), remote).todo == ()
+    assert plan_batch(list_photos([str(photos)]).photos, remote).todo == ()
 
 
 def test_a_node_that_is_killed_costs_no_photo(cluster: Any, standin: Any, tmp_path: Path):

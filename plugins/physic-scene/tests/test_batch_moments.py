@@ -9,7 +9,7 @@ from PIL import Image
 
 from physic_core import load_config, load_reconstruction
 from physic_core.batch.journal import read_rows
-from physic_core.batch.photos import find_photos
+from physic_core.batch.photos import list_photos
 from physic_core.batch.process import BatchJob, PhotoProcessor
 from physic_core.batch.run import plan_batch, run_batch
 from physic_core.interfaces import INTERFACES
@@ -29,7 +29,7 @@ def test_a_table_of_moments_gives_one_result_for_each(tmp_path: Path):
     process = PhotoProcessor(job)
 
     def todo(*, verify: bool = False):
-        return plan_batch(find_photos([str(tmp_path / "table.csv")]), job, verify=verify).todo
+        return plan_batch(list_photos([str(tmp_path / "table.csv")]).photos, job, verify=verify).todo
 
     def run(items):
         run_batch(items, job, lambda items, job: (process(item) for item in items), tmp_path / "out" / "journal.jsonl")

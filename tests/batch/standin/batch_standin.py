@@ -97,11 +97,11 @@ def run_standin(
     folder: Path, out: Path, *, workers: int = 2, seconds: float = 0.0, timeout: float | None = None, **plan: Any
 ) -> None:
     """Run or resume a batch over the files of a folder, without networks."""
-    from physic_core.batch.photos import find_photos
+    from physic_core.batch.photos import list_photos
     from physic_core.batch.run import plan_batch
 
     job = standin_job(out)
-    todo = plan_batch(find_photos([str(folder)]), job, **plan).todo
+    todo = plan_batch(list_photos([str(folder)]).photos, job, **plan).todo
     settings = WorkerSettings(workers, timeout, out / "logs")
     executor = partial(run_locally, settings=settings, open_worker=partial(open_processor, job, seconds))
     run_batch(todo, job, executor, out / "journal.jsonl")

@@ -112,7 +112,7 @@ def _run(photo: Path, preset: str, report: bool, cache: str) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         answer = Path(folder, "answer.json")
         arguments = json.dumps([str(photo), preset, report, str(Path(folder, "result")), str(answer)])
-        start = "from physic_core.cli.process import collect_rarely; collect_rarely(); "  # as a command does
+        start = "import gc; from physic_core.cli.process import GC_THRESHOLD; gc.set_threshold(GC_THRESHOLD); "
         start += f"from {__name__} import _measure; _measure(*__import__('json').loads({arguments!r}))"
         began = time.monotonic()
         place = {**os.environ, CACHE_VARIABLE: cache}

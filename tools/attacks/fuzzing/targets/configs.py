@@ -10,8 +10,8 @@ from pathlib import Path
 
 from fuzzing.mutations import mutate_text
 from fuzzing.target import Target
-from physic_core.batch.photos import find_photos
-from physic_core.cli.config import resolved_toml
+from physic_core.batch.photos import list_photos
+from physic_core.cli.config import config_toml
 from physic_core.configuration.model import Config, as_config, load_config
 from physic_core.configuration.resolve import load_checked_config
 from physic_core.discovery.plugins import discover
@@ -140,7 +140,7 @@ def read(way: str, content: bytes, text: str, folder: Path) -> Config | None:
         case "table":
             (folder / "photos.csv").write_bytes(content)
             config = load_config(preset="mock", environment={})
-            for item in find_photos([str(folder / "photos.csv")]):
+            for item in list_photos([str(folder / "photos.csv")]).photos:
                 config = config.with_photo(item.settings)
             return config
         case _:
@@ -158,7 +158,7 @@ def check_config(config: Config, folder: Path) -> None:
     assert config.photo.known_sizes() is not None
     assert config.engine.settings() is not None
     tables = config.as_dict()
-    (folder / "shown.toml").write_text(resolved_toml(config))
+    (folder / "shown.toml").write_text(config_toml(config))
     (folder / "again.json").write_text(text := json.dumps({"config": to_json(tables)}))
     has_surrogates = "\\udc" in text  # a path that is not UTF-8, which TOML cannot express
     for name in ("again.json",) if has_surrogates else ("shown.toml", "again.json"):
