@@ -1,4 +1,4 @@
-"""Posture of a body from its joints: straightness and lean."""
+"""Posture of a body from its joints: the legs that it stands on, and its lean."""
 
 from __future__ import annotations
 
@@ -18,33 +18,53 @@ if TYPE_CHECKING:
 
 _HIPS, _KNEES, _ANKLES = joint_pair("hip"), joint_pair("knee"), joint_pair("ankle")
 _NECK, _PELVIS = JOINT_INDEX["neck"], JOINT_INDEX["pelvis"]
-_STRAIGHT_KNEE_DEG = 140.0
-_STRAIGHT_HIP_DEG = 35.0
+
+STANDING_DEG = 40.0
+"""Largest bend of a body that stands, degrees. Body estimators bend the knees of standing people by up to 30."""
 
 
-def is_body_straight(joints: Array) -> bool:
-    """Return whether both legs are straight and in line with the trunk.
-
-    Straight bodies should not lean. Both knee angles are over 140 degrees, and the trunk is within 35 degrees of the
-    line of the legs. Stricter than :func:`physic_core.engine.limbs.is_standing`, which needs one straight leg.
+def standing_legs(joints: Array, up: Array | None = None, *, trunk: bool = True) -> NDArray[np.bool_]:
+    """Return the left and the right leg on which each body stands, (..., 2) bool; see :func:`legs_in_line`.
 
     Args:
-        joints: (55, 3) metres, any frame.
+        joints: (..., 55, 3) metres, any frame.
+        up: (3,) in that frame; None if it is unknown, and bodies that lie straight count as standing, too.
+        trunk: False if the trunk may be bent.
     """
     exact = np.asarray(joints, np.float64)
-    return stands_on_straight_legs(exact, exact[_NECK] - exact[_HIPS].mean(0))
+    parts = (exact[..., rows, :] for rows in (_HIPS, _KNEES, _ANKLES))
+    return legs_in_line(*parts, neck=exact[..., _NECK, :] if trunk else None, up=up)
 
 
-def stands_on_straight_legs(joints: Array, up: Array) -> bool:
-    """Return whether both legs are straight and upright, however the trunk is bent.
+def legs_in_line(
+    hips: Array,
+    knees: Array,
+    ankles: Array,
+    *,
+    neck: Array | None = None,
+    up: Array | None = None,
+    max_deg: float = STANDING_DEG,
+) -> NDArray[np.bool_]:
+    """Return which legs are straight, in line with the trunk, and upright: (..., 2) bool, left and right.
+
+    No angle exceeds ``max_deg``: that of thigh and shank, of leg and trunk, and of ``up`` and the line from the ankle
+    to the neck. Works in the picture as well as in space. False where a point is NaN.
 
     Args:
-        joints: (55, 3) metres, any frame.
-        up: (3,) in that frame.
+        hips: (..., 2, D) left and right.
+        knees: (..., 2, D).
+        ankles: (..., 2, D).
+        neck: (..., D); None if the trunk does not matter, and ``up`` is compared with the leg.
+        up: (D,); None if the direction does not matter.
+        max_deg: largest angle, degrees.
     """
-    hips, knees, ankles = (np.asarray(joints, np.float64)[pair] for pair in (_HIPS, _KNEES, _ANKLES))
-    bends = [180.0 - _angle_deg(k - h, a - k) for h, k, a in zip(hips, knees, ankles, strict=True)]
-    return min(bends) > _STRAIGHT_KNEE_DEG and _angle_deg(hips.mean(0) - ankles.mean(0), up) < _STRAIGHT_HIP_DEG
+    leg = hips - ankles
+    angles = [angle_deg(hips - knees, knees - ankles)]
+    if neck is not None:
+        angles.append(angle_deg(leg, (neck - hips.mean(-2))[..., None, :]))
+    if up is not None:
+        angles.append(angle_deg(leg if neck is None else neck[..., None, :] - ankles, up))
+    return np.asarray(np.maximum.reduce(angles) < max_deg)
 
 
 def lean_deg(joints: Array, floor: Plane, of: Literal["body", "trunk"] = "body") -> tuple[float, float]:
@@ -59,16 +79,17 @@ def lean_deg(joints: Array, floor: Plane, of: Literal["body", "trunk"] = "body")
     towards = -foot - (-foot @ normal) * normal  # the camera is the origin
     length = float(np.linalg.norm(towards))
     part = math.nan if length < 1e-9 else math.degrees(math.atan2(body @ towards / length, body @ normal))
-    return _angle_deg(body, normal), part
+    return float(angle_deg(body, normal)), part
 
 
-def trunk_tilt_deg(joints: Array, up: Array) -> float:
-    """Return the angle between the trunk, from pelvis to neck, and an up direction (3,), in degrees."""
-    trunk = np.asarray(joints[_NECK], np.float64) - np.asarray(joints[_PELVIS], np.float64)
-    return _angle_deg(trunk, np.asarray(up, np.float64))
+def trunk_tilt_deg(joints: Array, up: Array) -> NDArray[np.float64]:
+    """Return the angle between each trunk, from pelvis to neck of (..., 55, 3), and an up direction (3,), degrees."""
+    exact = np.asarray(joints, np.float64)
+    return angle_deg(exact[..., _NECK, :] - exact[..., _PELVIS, :], np.asarray(up, np.float64))
 
 
-def _angle_deg(first: Array, second: Array) -> float:
-    """Return the angle between two vectors, degrees."""
-    cross = float(np.linalg.norm(np.cross(first, second)))
-    return math.degrees(math.atan2(cross, float(first @ second)))
+def angle_deg(first: Array, second: Array) -> NDArray[np.float64]:
+    """Return the angles between vectors (..., D), degrees; 90 for a zero vector."""
+    one, two = (v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-12) for v in (first, second))
+    half = np.arctan2(np.linalg.norm(one - two, axis=-1), np.linalg.norm(one + two, axis=-1))
+    return np.asarray(2 * np.degrees(half))

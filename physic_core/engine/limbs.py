@@ -1,4 +1,4 @@
-"""Limbs: visible joints, body parts and keypoints of arms and legs, and a test for standing people."""
+"""Limbs: visible joints, body parts and keypoints of arms and legs."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.body.model import BodyModel
-from physic_core.engine.distances import hinge_angles
 from physic_core.geometry.visibility import inside_mask
 from physic_core.types.skeletons import SIDES, Skeleton, is_finger
 
@@ -22,14 +21,11 @@ _END_JOINT = {
     "hand": "wrist",
 }
 _TRUNK = [*(JOINT_INDEX[name] for name in ("pelvis", "spine3")), *joint_pair("hip"), *joint_pair("shoulder")]
-_NECK, _PELVIS, _ANKLES = JOINT_INDEX["neck"], JOINT_INDEX["pelvis"], joint_pair("ankle")
+_NECK, _PELVIS = JOINT_INDEX["neck"], JOINT_INDEX["pelvis"]
 _HIPS, _KNEES = joint_pair("hip"), joint_pair("knee")
 
 _MAX_FINGER_KEYPOINTS = 10  # a joint set with more has keypoints of all finger joints
-_MIN_IN_LINE_COSINE = 0.82  # 35 degrees between trunk and legs
 _STRAIGHT_HIP_COSINE = 0.707  # 45 degrees
-_MIN_UPRIGHT_COSINE = 0.5  # 60 degrees from the floor's normal; body estimators err by 20
-_MAX_KNEE_FLEXION = 0.7  # radians, 40 degrees
 _MIN_HOLD_PROBABILITY = 0.75  # of the contact prior, mean of a hand that holds something
 
 
@@ -113,27 +109,6 @@ def _joint_of(landmark: str) -> str | None:
     if is_finger(rest):
         return f"{side}_wrist"
     return landmark if landmark in JOINT_INDEX and landmark != "head" else None
-
-
-def is_standing(rotations: Tensor, joints: Tensor, observed: Tensor, up: Tensor | None = None) -> Tensor:
-    """Return which people stand: (B,) bool.
-
-    Both ankles are visible, one knee is nearly straight, the trunk is in line with the legs, and the body is upright.
-    One straight leg is enough, so that the balance term also holds for a person on a step.
-
-    Args:
-        rotations: (B, 55, 3, 3).
-        joints: (B, 55, 3) metres.
-        observed: (B, 55) bool, visible joints.
-        up: (3,) unit normal of the floor; None treats people who lie straight as standing too.
-    """
-    trunk = torch.nn.functional.normalize(joints[:, _NECK] - joints[:, _PELVIS], dim=-1)
-    leg = torch.nn.functional.normalize(joints[:, _PELVIS] - joints[:, _ANKLES].mean(1), dim=-1)
-    in_line = (trunk * leg).sum(-1) > _MIN_IN_LINE_COSINE
-    if up is not None:
-        in_line = in_line & (((trunk + leg) / 2) @ up > _MIN_UPRIGHT_COSINE)
-    straight = hinge_angles(rotations)[:, :2].amin(-1) < _MAX_KNEE_FLEXION
-    return in_line & straight & observed[:, _ANKLES].all(1)
 
 
 def straight_hips(joints: Tensor) -> Tensor:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from physic_core.body.posture import is_body_straight
+from physic_core.body.posture import standing_legs
 from physic_core.engine.contact.distance import SEARCH_RADIUS_M
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_areas
@@ -79,7 +79,7 @@ def support_gap(
     """
     height = vertices @ ground.up
     supporting = may_touch & (normals @ ground.up < _DOWNWARD)
-    if supporting.any() and is_body_straight(joints.detach().cpu().numpy()):
+    if supporting.any() and standing_legs(joints.detach().cpu().numpy()).all():
         supporting = supporting & (height < float(height[supporting].min()) + _LOWEST_M)
     if not supporting.any():
         return None

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body.posture import is_body_straight
+from physic_core.body.posture import standing_legs
 from physic_core.engine.contact.solve import solve_contact
 from physic_core.engine.joint.final_scene import finalize_scene
 from physic_core.engine.joint.solve import optimize
@@ -93,7 +93,7 @@ def _off_floor(solution: Solution) -> FloatArray:
         height = report.get("sole_height_m")
         if floor is None or height is None or abs(height) <= CHECKS["sole_height"].threshold:
             continue
-        if is_body_straight(solution.joints[i]):
+        if standing_legs(solution.joints[i]).all():
             found[i] = log_growth_to_floor(height, floor.offset)
     return found
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import pytest
@@ -16,7 +15,7 @@ from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.precompute import subsample_vertices
 from physic_core.engine.joint.terms.surface import SurfaceTerms
 from physic_core.engine.joint.visibility import OcclusionTracker, sample_mask_neighbours
-from physic_core.engine.limbs import is_standing, keypoints_of_observed_limbs, observed_parts
+from physic_core.engine.limbs import keypoints_of_observed_limbs, observed_parts
 from physic_core.geometry.mesh import vertex_areas
 from physic_core.geometry.visibility import inside_mask
 from physic_core.types import SKELETONS
@@ -92,9 +91,9 @@ def test_keypoints_outside_the_image_count_nothing(standing):
 def test_standing_and_other_poses_are_recognised(make_stage):
     sitting = {"left_hip": (-1.5, 0, 0), "right_hip": (-1.5, 0, 0), "left_knee": (1.5, 0, 0), "right_knee": (1.5, 0, 0)}
     stage = make_stage([({}, (-0.6, 0.0, 3.5)), (sitting, (0.5, 0.0, 3.5))])
-    problem = stage.problem
-    assert is_standing(problem.rotations0, stage.joints, problem.observed).tolist() == [True, False]
-    assert not is_standing(problem.rotations0, stage.joints, torch.zeros_like(problem.observed)).any()
+    assert JointEnergy(stage.problem, SETTINGS).context.standing.tolist() == [True, False]
+    unseen = replace(stage.problem, observed=torch.zeros_like(stage.problem.observed))
+    assert not JointEnergy(unseen, SETTINGS).context.standing.any()
 
 
 def test_one_lifted_foot_leaves_a_person_standing_and_two_do_not(standing):
@@ -113,14 +112,6 @@ def test_self_occlusion_is_found_again_after_a_motion_of_a_centimetre(standing):
     assert torch.equal(occlusion(3 * vertices)[0], first)
     aside = rough + torch.tensor([0.1, 0.0, 0.0])
     assert not torch.equal(occlusion(aside)[0], first)
-
-
-@pytest.mark.parametrize(("degrees", "expected"), [(0, True), (40, True), (80, False), (180, False)])
-def test_a_person_who_lies_straight_does_not_stand(standing, degrees, expected):
-    problem, joints = standing.problem, standing.joints
-    up = torch.tensor([0.0, -math.cos(math.radians(degrees)), math.sin(math.radians(degrees))])
-    assert is_standing(problem.rotations0, joints, problem.observed, up).tolist() == [expected]
-    assert is_standing(problem.rotations0, joints, problem.observed).tolist() == [True]
 
 
 def test_a_person_who_leans_on_a_wall_is_not_balanced(make_stage, standing):

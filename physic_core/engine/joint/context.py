@@ -56,7 +56,7 @@ class JointContext:
         person_px: (B,) stature in px at the person's depth.
         start: posed bodies at the start, all vertices.
         relative: (B, n, 3) subsampled vertices at the start in the root's frame, metres.
-        standing: (B,) bool, see :func:`physic_core.engine.limbs.is_standing`; not with both feet in the air.
+        standing: (B,) bool, who stand with both ankles visible; not with both feet in the air.
         feet_visible: (B, 2) bool.
         log_depth: (H, W) logarithm of the depth map of the original photo, NaN where unknown; or None.
         fronts: of the scene, see :mod:`physic_core.geometry.free_space`; None without a depth of the scene.

@@ -9,11 +9,12 @@ from torch import Tensor
 
 from physic_core.body.joints import joint_pair
 from physic_core.body.model import BodyModel
+from physic_core.body.posture import standing_legs
 from physic_core.engine.distances import root_relative
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.method import JointMethod
 from physic_core.engine.joint.problem import JointProblem, OtherView
-from physic_core.engine.limbs import is_standing, observed_parts
+from physic_core.engine.limbs import observed_parts
 from physic_core.geometry.camera import project
 from physic_core.geometry.coarse_mesh import cluster_points
 from physic_core.geometry.free_space import front_depth
@@ -82,8 +83,10 @@ def _person_px(problem: JointProblem, pelvis: Tensor) -> Tensor:
 
 
 def _standing(problem: JointProblem, joints: Tensor, observed: Tensor) -> Tensor:
-    """Return the people (B,) bool who stand by their pose, and have a foot on something."""
-    standing = is_standing(problem.rotations0, joints, observed, problem.floor_normal)
+    """Return the people (B,) bool who stand by their pose, show both ankles, and have a foot on something."""
+    up = None if problem.floor_normal is None else problem.floor_normal.cpu().numpy()
+    legs = torch.from_numpy(standing_legs(joints.cpu().numpy(), up)).to(joints.device)
+    standing = legs.any(1) & observed[:, _ANKLES].all(1)
     return standing if problem.lifted_feet is None else standing & ~problem.lifted_feet.all(1)
 
 

@@ -15,7 +15,8 @@ from torch import Tensor
 from physic_core.body.feet_in_picture import foot_touch_probability
 from physic_core.body.joints import joint_pair
 from physic_core.body.model import BodyModel, BodyOutput
-from physic_core.engine.limbs import hands_may_hold, is_standing
+from physic_core.body.posture import standing_legs
+from physic_core.engine.limbs import hands_may_hold
 from physic_core.engine.placement.detections import ObservedPeople, reported_joints
 from physic_core.engine.placement.human_points import AlignedPhoto, PhotoPoints, align_photo
 from physic_core.engine.placement.lifted_feet import depth_gaps_at_feet, find_lifted_feet
@@ -174,11 +175,11 @@ def _observations(
 def _hands_may_hold(given: PlacementInput, posed: BodyOutput, up: Tensor) -> Tensor:
     """Return which people (B,) bool may hold something, and do not stand upright with their hands down."""
     up, joints = up.to(posed.joints), posed.joints
-    everything = torch.ones(joints.shape[:2], dtype=torch.bool, device=joints.device)
     height = joints @ up
     hands_up = (height[:, _WRISTS] > height[:, _SHOULDERS]).all(1)
     may_hold = hands_may_hold(given.bodies.model, given.contact_probability.to(joints)).any(1)
-    return (may_hold & (hands_up | ~is_standing(given.bodies.rotations, joints, everything, up))).cpu()
+    stands = torch.from_numpy(standing_legs(joints.cpu().numpy(), up.cpu().numpy()).any(1))
+    return may_hold.cpu() & (hands_up.cpu() | ~stands)
 
 
 def _size_by_scene(given: PlacementInput, scene: SceneState, method: PlacementMethod) -> Tensor:

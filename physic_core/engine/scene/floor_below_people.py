@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
-from physic_core.body.posture import is_body_straight
+from physic_core.body.posture import standing_legs, trunk_tilt_deg
 from physic_core.engine.distances import lowest_height
 from physic_core.engine.scene.solve import SceneState
 from physic_core.geometry.floor import MIN_UP_CONFIDENCE, PlaneFit
@@ -23,7 +23,7 @@ from physic_core.geometry.plane import height_over_plane
 FloorRejection = Literal["through_people", "far_below_people", "tilted"]
 """Why a floor is rejected for the people's sake."""
 
-_UPRIGHT = math.cos(math.radians(50.0))  # least cosine between up and pelvis-to-neck
+_UPRIGHT_DEG = 50.0  # largest tilt of the trunk of people whose soles carry them
 _CONFIDENCE_FACTOR = 0.5  # on the up confidence of a floor search: a tilt has little effect near the feet
 _APART_M = 0.2  # metres, largest difference of sole heights on one floor
 _BELOW_M, _BELOW_SHARE = 0.05, 0.02  # metres, and share of the depth: least distance of a point below the floor
@@ -61,10 +61,8 @@ def floor_under_people(
     if estimate is None or estimate.confidence < _CONFIDENCE_FACTOR * MIN_UP_CONFIDENCE:
         return None
     up = estimate.up.to(vertices)
-    trunk = joints[:, JOINT_INDEX["neck"]] - joints[:, JOINT_INDEX["pelvis"]]
-    upright = (torch.nn.functional.normalize(trunk, dim=-1) @ up > _UPRIGHT) & torch.isfinite(vertices).flatten(1).all(
-        1
-    )
+    tilt = torch.from_numpy(trunk_tilt_deg(joints.cpu().numpy(), up.cpu().numpy())).to(vertices.device)
+    upright = (tilt < _UPRIGHT_DEG) & torch.isfinite(vertices).flatten(1).all(1)
     if not bool(upright.any()):
         return None
     lowest = lowest_height(vertices[upright][:, soles] @ up)
@@ -107,8 +105,8 @@ def _is_tilted(normal: Tensor, joints: Tensor, scene_normals: Tensor) -> bool:
     confident = estimate is not None and estimate.confidence >= _CONFIDENCE_FACTOR * MIN_UP_CONFIDENCE
     if estimate is not None and confident and float(estimate.up @ normal.to(estimate.up)) < _UP_AGREES:
         return True
-    standing = [bool(torch.isfinite(j).all()) and is_body_straight(j.cpu().numpy()) for j in joints]
-    axes = joints[torch.tensor(standing, dtype=torch.bool, device=joints.device)].double()
+    standing = standing_legs(joints.cpu().numpy()).all(1)
+    axes = joints[torch.from_numpy(standing).to(joints.device)].double()
     axes = axes[:, JOINT_INDEX["neck"]] - axes[:, joint_pair("ankle")].mean(1)
     axes = torch.nn.functional.normalize(axes, dim=-1)
     cosines = (axes @ normal.to(axes))[-axes[:, 1] > _STANDS]

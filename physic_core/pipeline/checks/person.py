@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body.joints import joint_pair
-from physic_core.body.posture import is_body_straight, lean_deg, stands_on_straight_legs
+from physic_core.body.posture import lean_deg, standing_legs
 from physic_core.pipeline.checks.keypoints import limb_keypoint_error, worst_limb_joint
 from physic_core.pipeline.checks.result import check_value, measured, relative_difference
 from physic_core.types import CheckResult
@@ -215,7 +215,7 @@ def _check_soles(solution: Solution, person: int, unknown: str | None) -> CheckR
     floor = _floor_problem(solution)
     if floor is None and height is not None and height > 0:
         # Only the feet of people who stand and whose legs are visible must be on the floor.
-        floor = unknown or (None if is_body_straight(joints) else "this person does not stand straight")
+        floor = unknown or (None if standing_legs(joints).all() else "this person does not stand straight")
     side = "above" if (height or 0) > 0 else "below"
     return check_value(
         "sole_height",
@@ -231,7 +231,7 @@ def _check_lean(solution: Solution, person: int, unknown: str | None) -> CheckRe
     if unknown is None and floor is not None:
         if not np.isfinite(joints).all():
             unknown = _NO_BODY
-        elif not is_body_straight(joints):
+        elif not standing_legs(joints).all():
             unknown = "this person does not stand straight"
         else:
             _, part = lean_deg(joints, floor)
@@ -250,7 +250,7 @@ def _check_bend(solution: Solution, person: int) -> CheckResult:
     part, unknown = math.nan, _NO_FLOOR
     if floor is not None:
         unknown = "this person does not stand on straight legs"
-        if np.isfinite(joints).all() and stands_on_straight_legs(joints, floor.normal):
+        if standing_legs(joints, floor.normal, trunk=False).all():
             _, part = lean_deg(joints, floor, "trunk")
     direction = "towards the camera" if part > 0 else "away from the camera"
     return check_value(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.body.joints import JOINT_INDEX
+from physic_core.body.posture import legs_in_line
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -37,9 +38,6 @@ BONES: dict[str, tuple[tuple[int, int], ...]] = {
     )
 }
 """Bones between joints of nearly one definition in all data sets; the widths of hips and shoulders are not."""
-
-MAX_TRUNK_DEG, MAX_KNEE_DEG = 40, 60
-"""Of somebody upright: the trunk against up and thigh, and the knee of a leg that walks."""
 
 
 def full_names(named: Mapping[str, Sequence[float]]) -> dict[str, Sequence[float]]:
@@ -71,30 +69,15 @@ def bone_lengths(joints: Array) -> dict[str, Any]:
 
 
 def is_upright(joints: Array, up: Array | None) -> bool | None:
-    """Whether somebody stands or walks: the trunk is upright, and stretched over a leg that is not folded.
-
-    None where joints are missing that decide it.
+    """Whether somebody stands, on one leg at least; None where joints are missing that decide it.
 
     Args:
         joints: (12, 3) m; NaN where unknown.
         up: (3,) unit, or None where unknown: then the angles of the limbs decide alone.
     """
-    known: NDArray[np.bool_] = np.asarray(np.isfinite(joints).all(-1))
-    shoulders = joints[[row for row in SHOULDERS if known[row]]]
-    trunk = (shoulders.mean(0) if len(shoulders) else np.full(3, np.nan)) - root(joints, known)
-    if not np.isfinite(trunk).all():
-        return None
-    if up is not None and not _angle(trunk, up) < MAX_TRUNK_DEG:
-        return False
-    legs = []
-    for side in SIDES:
-        hip, knee, ankle = (joints[ROW[f"{side}_{name}"]] for name in ("hip", "knee", "ankle"))
-        if np.isfinite([hip, knee, ankle]).all():
-            legs.append(_angle(trunk, hip - knee) < MAX_TRUNK_DEG and _angle(hip - knee, knee - ankle) < MAX_KNEE_DEG)
-    if any(legs):
+    hips, knees, ankles = (joints[[ROW[f"{side}_{name}"] for side in SIDES]] for name in ("hip", "knee", "ankle"))
+    shoulders = joints[SHOULDERS]
+    neck = shoulders[np.isfinite(shoulders).all(-1)].mean(0) if np.isfinite(shoulders).all(-1).any() else shoulders[0]
+    if legs_in_line(hips, knees, ankles, neck=neck, up=up).any():
         return True
-    return False if len(legs) == len(SIDES) else None
-
-
-def _angle(one: Array, two: Array) -> float:
-    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(one, two)), one @ two)))
+    return False if np.isfinite([*hips, *knees, *ankles, neck]).all() else None

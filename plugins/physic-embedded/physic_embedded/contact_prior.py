@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
+from physic_core.body.posture import angle_deg
 from physic_core.errors import BackendError
 from physic_core.interfaces import ContactPrior, Options
 from physic_core.types import ContactProbability
 from physic_core.types.skeletons import SIDES
 from physic_embedded.held_edges import hands_at_edges
-from physic_embedded.standing import angle_deg
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -1,7 +1,6 @@
 """Find people who stand: the legs are visible, at least one leg is straight, and the trunk is upright.
 
-The rule is the same for 2D keypoints and for fitted 3D joints. The limits are narrower in 2D, where limbs that point
-towards the camera look straight.
+The rule is that of :func:`physic_core.body.posture.legs_in_line`, for 2D keypoints and for fitted 3D joints.
 """
 
 from __future__ import annotations
@@ -11,11 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body.joints import JOINT_INDEX as INDEX
+from physic_core.body.posture import legs_in_line, standing_legs
 from physic_core.types.skeletons import SIDES
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices, limb_keypoints
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
     from physic_core.types import Keypoints
@@ -25,17 +26,8 @@ if TYPE_CHECKING:
 
 _MIN_CONFIDENCE = 0.5  # of a visible keypoint
 
-
-@dataclass(frozen=True)
-class _Limits:
-    """Largest angles of a standing person, degrees."""
-
-    knee: float  # bend of the straighter knee
-    trunk: float  # from the trunk to its reference direction
-
-
-_LIMITS_2D = _Limits(knee=25.0, trunk=15.0)
-_LIMITS_3D = _Limits(knee=33.0, trunk=35.0)
+MAX_BEND_IN_PICTURE_DEG = 25.0
+"""Largest bend of a body that stands, in the picture, where limbs that point towards the camera look straight."""
 
 
 @dataclass(frozen=True)
@@ -53,10 +45,7 @@ def standing_bodies(joints: FloatArray, leg_confidence: FloatArray) -> BoolArray
         joints: (N, 55, 3) SMPL-X joints, any frame.
         leg_confidence: (N,) lowest confidence of knees and ankles.
     """
-    points = {name: joints[:, row] for name, row in INDEX.items()}
-    trunk = points["neck"] - points["pelvis"]
-    legs = points["pelvis"] - (points["left_ankle"] + points["right_ankle"]) / 2
-    return np.asarray(_is_straight(points, trunk, legs, _LIMITS_3D) & (leg_confidence > _MIN_CONFIDENCE))
+    return np.asarray(standing_legs(joints).any(1) & (leg_confidence > _MIN_CONFIDENCE))
 
 
 def standing_people(keypoints: Keypoints | None, height: int, width: int) -> tuple[StandingPerson, ...]:
@@ -75,23 +64,21 @@ def standing_people(keypoints: Keypoints | None, height: int, width: int) -> tup
     points = {name: keypoints.points[:, i] for name, i in row.items()}
     visible = keypoints.confidence[:, needed].min(1) >= _MIN_CONFIDENCE
     visible &= ((keypoints.points[:, needed] >= 0) & (keypoints.points[:, needed] < [width, height])).all((1, 2))
-    line = (points["left_ankle"] + points["right_ankle"] - points["left_shoulder"] - points["right_shoulder"]) / 2
     ankle = np.maximum(points["left_ankle"][:, 1], points["right_ankle"][:, 1])
     nose = points["nose"][:, 1]
-    stands = visible & _is_straight(points, line, np.array([0.0, 1.0]), _LIMITS_2D) & (nose < ankle)
+    legs = legs_in_picture(points, up=np.array([0.0, -1.0]))
+    stands = visible & legs.any(1) & (nose < ankle)
     return tuple(StandingPerson(float(n), float(a)) for n, a in zip(nose[stands], ankle[stands], strict=True))
 
 
-def angle_deg(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the angles between vectors (..., D) in degrees."""
-    cosine = (a * b).sum(-1) / (np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1) + 1e-9)
-    return np.asarray(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+def legs_in_picture(points: Mapping[str, FloatArray], up: FloatArray | None = None) -> BoolArray:
+    """Return which legs people stand on in the picture, (N, 2) bool, left and right.
 
-
-def _is_straight(points: dict[str, FloatArray], trunk: FloatArray, reference: FloatArray, limits: _Limits) -> BoolArray:
-    """Return whether the trunk is near its reference direction and at least one knee is straight, (N,) bool."""
-    bends = [
-        angle_deg(points[f"{side}_knee"] - points[f"{side}_hip"], points[f"{side}_ankle"] - points[f"{side}_knee"])
-        for side in SIDES
-    ]
-    return np.asarray((angle_deg(trunk, reference) < limits.trunk) & (np.minimum(*bends) < limits.knee))
+    Args:
+        points: (N, 2) px of shoulders, hips, knees and ankles, by name.
+        up: (2,) in the picture; None if it is unknown.
+    """
+    shoulders, hips, knees, ankles = (
+        np.stack([points[f"{side}_{joint}"] for side in SIDES], 1) for joint in ("shoulder", "hip", "knee", "ankle")
+    )
+    return legs_in_line(hips, knees, ankles, neck=shoulders.mean(1), up=up, max_deg=MAX_BEND_IN_PICTURE_DEG)

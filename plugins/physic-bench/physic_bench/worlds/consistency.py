@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.body.posture import is_body_straight, lean_deg
+from physic_core.body.posture import lean_deg, standing_legs
 from physic_core.types import Skeleton, skeleton_named
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def consistency(reconstruction: Reconstruction, model: BodyModel) -> tuple[Perso
             size=(width, height),
         )
         lean, to_camera = (
-            lean_deg(person.joints, floor) if floor and is_body_straight(person.joints) else (math.nan, math.nan)
+            lean_deg(person.joints, floor) if floor and standing_legs(person.joints).all() else (math.nan, math.nan)
         )
         answers.append(
             PersonConsistency(

@@ -14,7 +14,7 @@ import numpy as np
 
 from physic_core.types.skeletons import SIDES
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices, limb_keypoints
-from physic_embedded.standing import angle_deg
+from physic_embedded.standing import legs_in_picture
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     BoolArray = NDArray[np.bool_]
 
 _MIN_CONFIDENCE = 0.5  # of a visible keypoint
-_MAX_BEND_DEG = 25.0  # of a straight knee, and between legs and trunk
 _AXIS_SIGMA_DEG = 4.0  # of a standing body from the vertical
 _SIDE = 160  # px, long side of the grid on which walls are looked at
 _FEWEST = 100
@@ -89,7 +88,7 @@ def walls_cost(planes: FloatArray, infinity: FloatArray, down: FloatArray, most:
 def body_planes(keypoints: Keypoints | None, center: tuple[float, float], focal_px: float) -> FloatArray:
     """Return the unit normals (N, 3) of the planes through the camera and the bodies of people who stand straight.
 
-    A body counts if both legs or at least the visible one are straight, and in line with the trunk.
+    A body counts if both legs are straight, and in line with the trunk.
 
     Args:
         keypoints: of the photo, or None.
@@ -103,11 +102,8 @@ def body_planes(keypoints: Keypoints | None, center: tuple[float, float], focal_
     needed = [row[f"{s}_{j}"] for s in SIDES for j in ("shoulder", "hip", "knee", "ankle")]
     visible = keypoints.confidence[:, needed].min(1) >= _MIN_CONFIDENCE
     points = {name: keypoints.points[:, i] for name, i in row.items()}
-    shoulder, hip, knee, ankle = (
-        (points[f"left_{joint}"] + points[f"right_{joint}"]) / 2 for joint in ("shoulder", "hip", "knee", "ankle")
-    )
-    bends = (angle_deg(knee - hip, ankle - knee), angle_deg(hip - shoulder, ankle - hip))
-    straight = visible & (np.maximum(*bends) < _MAX_BEND_DEG)
+    shoulder, ankle = ((points[f"left_{joint}"] + points[f"right_{joint}"]) / 2 for joint in ("shoulder", "ankle"))
+    straight = visible & legs_in_picture(points).all(1)
     ones = np.ones((int(straight.sum()), 1))
     high, low = (np.concatenate([(p[straight] - center) / focal_px, ones], 1) for p in (shoulder, ankle))
     normals = np.cross(high, low)

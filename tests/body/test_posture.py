@@ -1,0 +1,69 @@
+"""Which legs a body stands on."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from physic_core.body.joints import JOINT_INDEX
+from physic_core.body.posture import STANDING_DEG, legs_in_line, standing_legs, trunk_tilt_deg
+
+UP = np.array([0.0, -1.0, 0.0])
+
+
+def turned(degrees: float) -> np.ndarray:
+    """Return UP after a rotation about the x axis."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return np.array([0.0, -c, s])
+
+
+def body(hip: float = 0.0, knees: tuple[float, float] = (0.0, 0.0), trunk: float = 0.0) -> np.ndarray:
+    """Return joints (55, 3) of a body: trunk and thighs tilted from UP, shanks from the thighs, degrees."""
+    joints = np.full((55, 3), np.nan)
+    joints[JOINT_INDEX["pelvis"]] = 0.0
+    joints[JOINT_INDEX["neck"]] = 0.5 * turned(trunk)
+    for side, x, knee in (("left", 0.1, knees[0]), ("right", -0.1, knees[1])):
+        joints[JOINT_INDEX[f"{side}_hip"]] = (x, 0.0, 0.0)
+        joints[JOINT_INDEX[f"{side}_knee"]] = joints[JOINT_INDEX[f"{side}_hip"]] - 0.4 * turned(hip)
+        joints[JOINT_INDEX[f"{side}_ankle"]] = joints[JOINT_INDEX[f"{side}_knee"]] - 0.4 * turned(hip + knee)
+    return joints
+
+
+def test_a_straight_body_stands_on_both_legs() -> None:
+    assert standing_legs(body(), UP).tolist() == [True, True]
+    assert standing_legs(np.stack([body(), body(hip=90.0)]), UP).tolist() == [[True, True], [False, False]]
+
+
+def test_a_bent_knee_leaves_the_other_leg_to_stand_on() -> None:
+    assert standing_legs(body(knees=(60.0, 0.0)), UP).tolist() == [False, True]
+
+
+@pytest.mark.parametrize("degrees", [STANDING_DEG - 1, STANDING_DEG + 1])
+def test_one_angle_limits_knees_hips_and_tilt(degrees: float) -> None:
+    stands = [degrees < STANDING_DEG] * 2
+    assert standing_legs(body(hip=-degrees / 2, knees=(degrees, degrees)), UP).tolist() == stands
+    assert standing_legs(body(trunk=degrees)).tolist() == stands
+    assert standing_legs(body(), turned(degrees)).tolist() == stands
+
+
+def test_people_who_lie_straight_stand_only_where_up_is_unknown() -> None:
+    assert not standing_legs(body(), turned(90.0)).any()
+    assert standing_legs(body()).all()
+
+
+def test_a_bent_trunk_may_be_ignored() -> None:
+    assert not standing_legs(body(trunk=80.0), UP).any()
+    assert standing_legs(body(trunk=80.0), UP, trunk=False).all()
+    assert trunk_tilt_deg(body(trunk=80.0), UP) == pytest.approx(80.0)
+
+
+def test_legs_with_unknown_joints_do_not_stand() -> None:
+    joints = body()
+    joints[JOINT_INDEX["left_knee"]] = np.nan
+    assert standing_legs(joints, UP).tolist() == [False, True]
+
+
+def test_the_rule_works_in_the_picture() -> None:
+    hips, knees, ankles = (np.array([[10.0, y], [-10.0, y]]) for y in (0.0, 40.0, 80.0))
+    assert legs_in_line(hips, knees, ankles, neck=np.array([0.0, -50.0]), up=np.array([0.0, -1.0])).all()
+    assert not legs_in_line(hips, knees, ankles, neck=np.array([80.0, -50.0])).any()
