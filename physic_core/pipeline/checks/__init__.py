@@ -6,7 +6,6 @@ are stable; the thresholds of ``floor``, ``scene_alignment`` and ``photo_alignme
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from physic_core.pipeline.checks.person import check_person
@@ -15,6 +14,7 @@ from physic_core.pipeline.checks.result import (
     failed_checks,
     grade_person,
     grade_photo,
+    judge,
     unknown_checks,
     warning_messages,
 )
@@ -42,7 +42,7 @@ __all__ = [
 
 def run_checks(estimates: Estimates, solution: Solution, settings: EngineSettings) -> tuple[CheckResult, ...]:
     """Run all self-checks, first of the photo, then of each person, in the order of ``CHECKS``."""
-    found = [*check_photo(estimates, solution, settings)]
+    found = [judge(one) for one in check_photo(estimates, solution, settings)]
     for person in range(len(solution.people)):
-        found += [replace(check, person=person) for check in check_person(estimates, solution, person)]
+        found += [judge(one, person) for one in check_person(estimates, solution, person)]
     return tuple(found)

@@ -11,8 +11,7 @@ import numpy as np
 from physic_core.body.joints import joint_pair
 from physic_core.body.posture import lean_deg, standing_legs
 from physic_core.pipeline.checks.keypoints import limb_keypoint_error, worst_limb_joint
-from physic_core.pipeline.checks.result import check_value, measured, relative_difference
-from physic_core.types import CheckResult
+from physic_core.pipeline.checks.result import Measurement, relative_difference
 
 if TYPE_CHECKING:
     from physic_core.pipeline.estimate import Estimates
@@ -26,7 +25,7 @@ _HIDDEN_LEG = "a leg is not visible"
 _ASSUMED_SUPPORT = "a support that the scene does not show is assumed to carry this person"
 
 
-def check_person(estimates: Estimates, solution: Solution, person: int) -> Iterator[CheckResult]:
+def check_person(estimates: Estimates, solution: Solution, person: int) -> Iterator[Measurement]:
     """Run the self-checks of one person."""
     yield from _check_outputs(estimates, solution, person)
     yield from _check_picture(estimates, solution, person)
@@ -35,34 +34,34 @@ def check_person(estimates: Estimates, solution: Solution, person: int) -> Itera
     yield from _check_size(estimates, solution, person)
 
 
-def _check_outputs(estimates: Estimates, solution: Solution, person: int) -> Iterator[CheckResult]:
+def _check_outputs(estimates: Estimates, solution: Solution, person: int) -> Iterator[Measurement]:
     missing = estimates.missing_results[person] if estimates.missing_results else ()
-    yield check_value(
+    yield Measurement(
         "missing_outputs",
         float(len(missing)),
         f"no valid values for this person from {', '.join(missing)}: results that need them are skipped; "
         "try another backend",
     )
     problem, floor = solution.people[person].get("placement_problem"), _floor_problem(solution)
-    yield check_value(
+    yield Measurement(
         "placed",
         0.0 if problem else 1.0 if floor is None else None,
         str(problem),
         unmeasured=f"{floor}: the position is by size and scene alone",
     )
     failure = solution.failures[person]
-    yield check_value(
+    yield Measurement(
         "optimised",
         float(not failure),
         f"pose and position are those of the placement: {failure}",
     )
 
 
-def _check_picture(estimates: Estimates, solution: Solution, person: int) -> Iterator[CheckResult]:
+def _check_picture(estimates: Estimates, solution: Solution, person: int) -> Iterator[Measurement]:
     report = solution.people[person]
-    yield check_value(
+    yield Measurement(
         "reprojection",
-        measured(report, "reprojection_share"),
+        report.get("reprojection_share"),
         "confident keypoints miss the body: its pose is doubtful, look at it over the photo in preview.png",
         unmeasured="no keypoint is confident, or there is no body",
     )
@@ -74,47 +73,47 @@ def _check_picture(estimates: Estimates, solution: Solution, person: int) -> Ite
         estimates.keypoints.skeleton,
         solution.intrinsics,
     )
-    yield check_value(
+    yield Measurement(
         "limb_keypoints",
         limb_keypoint_error(*seen),
         "a limb misses its keypoints: its pose is doubtful, look at it over the photo in preview.png",
         unmeasured="too few joints of the limbs have a confident keypoint",
     )
     distance, joint = worst_limb_joint(*seen, estimates.people.masks[person])
-    yield check_value(
+    yield Measurement(
         "limb_joint",
         distance,
         f"the photo shows the {joint.replace('_', ' ')}, and that of the body is elsewhere: do not trust this limb",
         unmeasured="no elbow, wrist or knee is visible, or there is no body",
     )
-    yield check_value(
+    yield Measurement(
         "mask_covered",
-        measured(report, "mask_covered_share"),
+        report.get("mask_covered_share"),
         "the body leaves a part of the person in the photo uncovered: a limb, the pose or the size is wrong",
         unmeasured=_NO_BODY,
     )
-    yield check_value(
+    yield Measurement(
         "body_in_mask",
-        measured(report, "body_in_mask_share"),
+        report.get("body_in_mask_share"),
         "the body reaches beyond the person in the photo: the pose, the size or the mask is wrong, or an object hides "
         "a part",
         unmeasured=_NO_BODY,
     )
-    yield check_value(
+    yield Measurement(
         "visible",
-        measured(report, "seen_share"),
+        report.get("seen_share"),
         "most of the body is hidden or outside the photo: what is not seen is a guess",
         unmeasured=_NO_BODY,
     )
     observed = estimates.bodies.observed
-    yield check_value(
+    yield Measurement(
         "shoulders_seen",
         None if observed is None else float(observed[person][_SHOULDERS].sum()),
         "neither shoulder is visible: the pose of trunk and arms is a guess",
         unmeasured="the body estimator does not report which joints are visible",
     )
     legs = _visible_legs(estimates, person)
-    yield check_value(
+    yield Measurement(
         "legs_seen",
         None if legs is None else float(legs),
         "neither knee nor ankle of one leg is visible: its pose and its contacts are a guess",
@@ -122,11 +121,11 @@ def _check_picture(estimates: Estimates, solution: Solution, person: int) -> Ite
     )
 
 
-def _check_support(estimates: Estimates, solution: Solution, person: int) -> Iterator[CheckResult]:
+def _check_support(estimates: Estimates, solution: Solution, person: int) -> Iterator[Measurement]:
     report = solution.people[person]
-    yield check_value(
+    yield Measurement(
         "penetration",
-        measured(report, "penetration_share"),
+        report.get("penetration_share"),
         "the body cuts into the scene: its place or the scene behind it is wrong, do not use its contacts",
         unmeasured=_NO_BODY,
     )
@@ -134,27 +133,27 @@ def _check_support(estimates: Estimates, solution: Solution, person: int) -> Ite
     legs = _visible_legs(estimates, person)
     assumed = _ASSUMED_SUPPORT if report.get("assumed_support") else None
     unknown = assumed or _floor_problem(solution) or (None if legs is None or legs == 2 else _HIDDEN_LEG)
-    yield check_value(
+    yield Measurement(
         "floating",
-        measured(report, "support_gap_m") if unknown is None else None,
+        report.get("support_gap_m") if unknown is None else None,
         "the body hangs in the air: its distance or the floor is wrong, or what carries it is missing in the scene",
         unmeasured=unknown or _NO_BODY,
     )
-    yield check_value(
+    yield Measurement(
         "support",
-        measured(report, "clearance_m") if assumed is None else None,
+        report.get("clearance_m") if assumed is None else None,
         "nothing carries this person: neither floor nor a surface of the scene is near",
         unmeasured=assumed or "there is no floor, and no surface near the body",
     )
-    yield check_value(
+    yield Measurement(
         "seat",
-        measured(report, "hidden_seat"),
+        report.get("hidden_seat"),
         "this person sits by their posture, and the scene shows nothing under them: do not use their seat",
         unmeasured="nothing carries this person",
     )
-    yield check_value(
+    yield Measurement(
         "balance",
-        measured(report, "balance_m"),
+        report.get("balance_m"),
         "the centre of mass is beside what carries this person: they move, or the pose or a contact is wrong",
         unmeasured="nothing carries this person",
     )
@@ -163,61 +162,61 @@ def _check_support(estimates: Estimates, solution: Solution, person: int) -> Ite
     yield _check_bend(solution, person)
 
 
-def _check_depth(solution: Solution, person: int) -> Iterator[CheckResult]:
+def _check_depth(solution: Solution, person: int) -> Iterator[Measurement]:
     report = solution.people[person]
-    ratio = measured(report, "depth_ratio")
-    yield check_value(
+    ratio = report.get("depth_ratio")
+    yield Measurement(
         "person_depth",
         None if not ratio else relative_difference(ratio),
         f"the depth at this person's pixels is {ratio or 1:.2f} times that of the body: their distance is doubtful",
         unmeasured="too few visible vertices have a depth",
     )
-    ratio = measured(report, "low_depth_ratio")
-    yield check_value(
+    ratio = report.get("low_depth_ratio")
+    yield Measurement(
         "low_depth",
         None if not ratio else relative_difference(ratio),
         f"the depth at feet or seat is {ratio or 1:.2f} times that of the body: person and ground do not meet",
         unmeasured="too few pixels at the lower end of the body are visible and have a depth",
     )
-    yield check_value(
+    yield Measurement(
         "depth_map_order",
-        measured(report, "reversed_depth"),
+        report.get("reversed_depth"),
         "the depth map puts this person on the other side of another one than the bodies do: who is nearer is in doubt",
         unmeasured="no other person has a body and a depth",
     )
-    yield check_value(
+    yield Measurement(
         "depth_order",
-        measured(report, "depth_order_share"),
+        report.get("depth_order_share"),
         "the body lies in front of a person who hides it in the photo: who is nearer is doubtful",
         unmeasured=_NO_BODY,
     )
 
 
-def _check_size(estimates: Estimates, solution: Solution, person: int) -> Iterator[CheckResult]:
+def _check_size(estimates: Estimates, solution: Solution, person: int) -> Iterator[Measurement]:
     """Compare a given age or stature with the size that the photo shows; nothing if none is given."""
     report = solution.people[person]
-    given, shown = (measured(report, f"{name}_stature_m") for name in ("given", "shown"))
+    given, shown = (report.get(f"{name}_stature_m") for name in ("given", "shown"))
     if given is None or shown is None:
         return
     stature = None if estimates.statures is None else estimates.statures[person]
     age = None if estimates.ages is None else estimates.ages[person]
     origin = "was given" if stature is not None and math.isfinite(stature) else f"is usual at {age:g} years"
-    yield check_value(
+    yield Measurement(
         "given_size",
-        measured(report, "stature_sigmas"),
+        report.get("stature_sigmas"),
         f"the photo shows {shown:.2f} m, and {given:.2f} m {origin}: check the ages and statures that you gave",
     )
 
 
-def _check_soles(solution: Solution, person: int, unknown: str | None) -> CheckResult:
+def _check_soles(solution: Solution, person: int, unknown: str | None) -> Measurement:
     """Compare the lower sole with the floor: people who stand touch it, and no person is below it."""
-    joints, height = solution.joints[person], measured(solution.people[person], "sole_height_m")
+    joints, height = solution.joints[person], solution.people[person].get("sole_height_m")
     floor = _floor_problem(solution)
     if floor is None and height is not None and height > 0:
         # Only the feet of people who stand and whose legs are visible must be on the floor.
         floor = unknown or (None if standing_legs(joints).all() else "this person does not stand straight")
     side = "above" if (height or 0) > 0 else "below"
-    return check_value(
+    return Measurement(
         "sole_height",
         abs(height) if height is not None and floor is None else None,
         f"the lower sole is {abs(height or 0):.2f} m {side} the floor: the floor or the person's distance is wrong",
@@ -225,7 +224,7 @@ def _check_soles(solution: Solution, person: int, unknown: str | None) -> CheckR
     )
 
 
-def _check_lean(solution: Solution, person: int, unknown: str | None) -> CheckResult:
+def _check_lean(solution: Solution, person: int, unknown: str | None) -> Measurement:
     joints, floor = solution.joints[person], solution.scene.floor
     part = math.nan
     if unknown is None and floor is not None:
@@ -236,7 +235,7 @@ def _check_lean(solution: Solution, person: int, unknown: str | None) -> CheckRe
         else:
             _, part = lean_deg(joints, floor)
     direction = "towards the camera" if part > 0 else "away from the camera"
-    return check_value(
+    return Measurement(
         "lean",
         abs(part),
         f"this person stands and leans {abs(part):.0f} degrees {direction}: one photo hardly shows that, the "
@@ -245,7 +244,7 @@ def _check_lean(solution: Solution, person: int, unknown: str | None) -> CheckRe
     )
 
 
-def _check_bend(solution: Solution, person: int) -> CheckResult:
+def _check_bend(solution: Solution, person: int) -> Measurement:
     joints, floor = solution.joints[person], solution.scene.floor
     part, unknown = math.nan, _NO_FLOOR
     if floor is not None:
@@ -253,7 +252,7 @@ def _check_bend(solution: Solution, person: int) -> CheckResult:
         if standing_legs(joints, floor.normal, trunk=False).all():
             _, part = lean_deg(joints, floor, "trunk")
     direction = "towards the camera" if part > 0 else "away from the camera"
-    return check_value(
+    return Measurement(
         "bend",
         abs(part),
         f"the trunk is bent by {abs(part):.0f} degrees {direction}: the photo does not decide between that and a trunk "

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.body.posture import trunk_tilt_deg
-from physic_core.pipeline.checks.result import check_value, measured, relative_difference
-from physic_core.types import CheckResult
+from physic_core.pipeline.checks.result import Measurement, relative_difference
 
 if TYPE_CHECKING:
     from physic_core.engine.settings import EngineSettings
@@ -31,14 +30,14 @@ _NO_FLOOR = {
 }
 
 
-def check_photo(estimates: Estimates, solution: Solution, settings: EngineSettings) -> Iterator[CheckResult]:
+def check_photo(estimates: Estimates, solution: Solution, settings: EngineSettings) -> Iterator[Measurement]:
     """Run the self-checks of the photo."""
     from physic_core.engine.placement.human_points import MIN_POINTMAP_INLIER_SHARE
     from physic_core.engine.scene.solve import MIN_SCENE_INLIER_SHARE
 
     report = solution.diagnostics
     share, scene = report["scene"]["alignment"]["inlier_share"], settings.scene
-    yield check_value(
+    yield Measurement(
         "scene_alignment",
         share if scene.uses_pointmap else None,
         f"the scene's scale is doubtful: point map and metric depth agree on {share:.0%} of the pixels within "
@@ -49,7 +48,7 @@ def check_photo(estimates: Estimates, solution: Solution, settings: EngineSettin
         threshold=MIN_SCENE_INLIER_SHARE,
     )
     share = report["placement"]["alignment"]["inlier_share"] if "placement" in report else None
-    yield check_value(
+    yield Measurement(
         "photo_alignment",
         share,
         "people's distance to the scene is doubtful: the photo and its inpainted picture agree on "
@@ -65,20 +64,20 @@ def check_photo(estimates: Estimates, solution: Solution, settings: EngineSettin
     yield from _check_scale(estimates, solution)
     yield from _check_focal(estimates, solution)
     unposed = len(estimates.people.unposed)
-    yield check_value(
+    yield Measurement(
         "unposed_people",
         float(unposed),
         f"{unposed} of the people in the photo have no body: dashed boxes in preview and page show them",
     )
 
 
-def _check_floor(report: Mapping[str, Any], settings: EngineSettings) -> Iterator[CheckResult]:
+def _check_floor(report: Mapping[str, Any], settings: EngineSettings) -> Iterator[Measurement]:
     reason = report["reason"]
     instead = "people are not held to the ground, and heights are unknown"
     if report.get("source") == "people":
         instead = "it is assumed at the people's feet, and its height is only as accurate as their pose"
     share = report["inlier_share"] if reason == "found" else 0.0
-    yield check_value(
+    yield Measurement(
         "floor",
         None if reason == "switched_off" else share,
         f"no floor was found: {_NO_FLOOR.get(reason, reason)}; {instead}: "
@@ -89,7 +88,7 @@ def _check_floor(report: Mapping[str, Any], settings: EngineSettings) -> Iterato
     )
     wrong = report["mask_reason"]
     followed = report.get("source") == "floor mask"
-    yield check_value(
+    yield Measurement(
         "floor_mask",
         float(followed) if reason == "found" and (followed or wrong is not None) else None,
         f"the floor mask was not followed, since {_NO_FLOOR.get(str(wrong), wrong)}: the floor was searched in the "
@@ -98,12 +97,12 @@ def _check_floor(report: Mapping[str, Any], settings: EngineSettings) -> Iterato
     )
 
 
-def _check_tilt(solution: Solution) -> CheckResult:
+def _check_tilt(solution: Solution) -> Measurement:
     """Compare the floor with the trunks of several people: they do not all lean."""
     floor, joints = solution.scene.floor, [j for j in solution.joints if np.isfinite(j).all()]
-    tilts = [] if floor is None else [trunk_tilt_deg(j, floor.normal) for j in joints]
+    tilts = [] if floor is None else [float(trunk_tilt_deg(j, floor.normal)) for j in joints]
     tilt = median(tilts) if len(tilts) >= _FEWEST_TRUNKS else None
-    return check_value(
+    return Measurement(
         "trunk_tilt",
         tilt,
         f"half of the people lean by {tilt or 0:.0f} degrees or more from the floor's normal: the floor is doubtful",
@@ -111,16 +110,16 @@ def _check_tilt(solution: Solution) -> CheckResult:
     )
 
 
-def _check_scale(estimates: Estimates, solution: Solution) -> Iterator[CheckResult]:
+def _check_scale(estimates: Estimates, solution: Solution) -> Iterator[Measurement]:
     sigma, scale = estimates.depth.scale_sigma, solution.scene.scale
-    yield check_value(
+    yield Measurement(
         "scale_sigma",
         sigma,
         f"all lengths may be off by {sigma or 0:.0%} (one standard deviation): the photo gives no better scale; "
         "use a network for metric depth, or a photo with feet on the floor",
         unmeasured="the metric depth backend estimates no error of its scale",
     )
-    yield check_value(
+    yield Measurement(
         "scale_change",
         relative_difference(scale) if solution.people else None,
         f"the people and the metric depth disagree: the scene was rescaled by {scale:.2f}; "
@@ -128,9 +127,9 @@ def _check_scale(estimates: Estimates, solution: Solution) -> Iterator[CheckResu
         unmeasured=_NO_PEOPLE,
     )
     # Depth at people's pixels has the final scale; this check compares with the depth before scaling.
-    ratios = [ratio / scale for report in solution.people if (ratio := measured(report, "depth_ratio"))]
+    ratios = [ratio / scale for report in solution.people if (ratio := report.get("depth_ratio"))]
     median_ratio = median(ratios) if ratios else None
-    yield check_value(
+    yield Measurement(
         "depth_vs_bodies",
         None if median_ratio is None else relative_difference(median_ratio),
         f"the metric depth puts the people {median_ratio or 1:.2f} times as far away as their sizes do: distances "
@@ -139,9 +138,9 @@ def _check_scale(estimates: Estimates, solution: Solution) -> Iterator[CheckResu
     )
 
 
-def _check_focal(estimates: Estimates, solution: Solution) -> Iterator[CheckResult]:
+def _check_focal(estimates: Estimates, solution: Solution) -> Iterator[Measurement]:
     camera = solution.intrinsics
-    yield check_value(
+    yield Measurement(
         "focal_known",
         None if camera.guessed and camera.focal_sigma is not None else float(not camera.guessed),
         "the focal length is a guess, and all distances along the view are off by its error: give it, as in "
@@ -150,7 +149,7 @@ def _check_focal(estimates: Estimates, solution: Solution) -> Iterator[CheckResu
     )
     off_x, off_y = camera.cx - (camera.width - 1) / 2, camera.cy - (camera.height - 1) / 2
     offset = max(abs(off_x) / camera.width, abs(off_y) / camera.height)
-    yield check_value(
+    yield Measurement(
         "principal_point",
         offset,
         f"the principal point ({camera.cx:.0f}, {camera.cy:.0f}) lies {offset:.0%} of the photo's size off its centre "
@@ -160,7 +159,7 @@ def _check_focal(estimates: Estimates, solution: Solution) -> Iterator[CheckResu
     used = math.sqrt(camera.fx * camera.fy)
     ratios = [math.sqrt(w.fx * w.fy) * camera.width / w.width / used for w in witnesses if w is not None]
     ratio = max(ratios, key=relative_difference) if ratios else 1.0
-    yield check_value(
+    yield Measurement(
         "focal_agreement",
         relative_difference(ratio) if ratios else None,
         f"a backend sees a focal length of {ratio * used:.0f} px, and {used:.0f} px ({camera.source}) was used: "

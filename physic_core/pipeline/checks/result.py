@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from physic_core.pipeline.checks.specs import CHECKS
 from physic_core.types import CheckResult, CheckState, Grade
@@ -13,18 +12,11 @@ from physic_core.types import CheckResult, CheckState, Grade
 _WORST_FIRST = (Grade.BAD, Grade.DOUBTFUL, Grade.GOOD)
 
 
-def check_value(
-    name: str,
-    value: float | None,
-    advice: str,
-    *,
-    unmeasured: str = "there is nothing to measure",
-    failed: bool | None = None,
-    threshold: float | None = None,
-) -> CheckResult:
-    """Compare a value with the threshold of its check.
+@dataclass(frozen=True)
+class Measurement:
+    """What a check measured, before it is compared with a threshold.
 
-    Args:
+    Attributes:
         name: of the check.
         value: None or NaN if nothing was measured.
         advice: the message if the check fails.
@@ -32,26 +24,38 @@ def check_value(
         failed: decides instead of the comparison.
         threshold: replaces that of the check.
     """
-    check = CHECKS[name]
-    bound = check.threshold if threshold is None else threshold
+
+    name: str
+    value: float | None
+    advice: str
+    unmeasured: str = "there is nothing to measure"
+    failed: bool | None = None
+    threshold: float | None = None
+
+
+def judge(found: Measurement, person: int | None = None) -> CheckResult:
+    """Compare a measurement with the threshold of its check; ``person`` is None for a check of the photo."""
+    check, value = CHECKS[found.name], found.value
+    bound = check.threshold if found.threshold is None else found.threshold
     if value is None or math.isnan(value):
-        state, message, value = CheckState.UNKNOWN, f"not measured: {unmeasured}", None
+        state, message, value = CheckState.UNKNOWN, f"not measured: {found.unmeasured}", None
     else:
-        if failed is None:
-            failed = value < bound if check.direction == "at least" else value > bound
-        state, value, message = CheckState.FAILED if failed else CheckState.OK, float(value), advice
-    found = CheckResult(
-        name,
+        beyond = value < bound if check.direction == "at least" else value > bound
+        failed = beyond if found.failed is None else found.failed
+        state, value, message = CheckState.FAILED if failed else CheckState.OK, float(value), found.advice
+    result = CheckResult(
+        found.name,
         state,
         value,
         float(bound),
         check.direction,
         check.unit,
         message,
+        person,
         label=check.label,
         share_of=check.share_of,
     )
-    return replace(found, message=str(found)) if found.ok else found
+    return replace(result, message=str(result)) if result.ok else result
 
 
 def failed_checks(checks: Sequence[CheckResult], person: int) -> tuple[str, ...]:
@@ -97,12 +101,6 @@ def _grade(checks: Sequence[CheckResult]) -> Grade:
         return Grade.BAD
     unknown = any(CHECKS[check.name].needed for check in checks if check.state is CheckState.UNKNOWN)
     return Grade.DOUBTFUL if unknown or set(failures) - {"ignored"} else Grade.GOOD
-
-
-def measured(report: Mapping[str, Any], name: str) -> float | None:
-    """Return a number of the engine's report on a person, or None if it is not there."""
-    value = report.get(name)
-    return None if value is None else float(value)
 
 
 def relative_difference(ratio: float) -> float:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.pipeline.checks.keypoints import limb_keypoint_error
-from physic_core.pipeline.checks.result import check_value, grade_photo, warning_messages
+from physic_core.pipeline.checks.result import Measurement, grade_photo, judge, warning_messages
 from physic_core.types.main_people import main_people
 
 if TYPE_CHECKING:
@@ -52,12 +52,13 @@ def _check_views(result: Reconstruction, cameras: Sequence[CameraView]) -> Itera
             for index, seen in camera.people.items()
         ]
         measured = [error for error in errors if error is not None]
-        check = check_value(
+        found = Measurement(
             "view_keypoints",
             median(measured) if measured else None,
             f"the people are not where {camera.photo} shows them: its camera is wrong, or the people moved; look at "
             "its row in preview.png, and leave the photo out",
             unmeasured=f"no person has enough confident keypoints in {camera.photo}",
         )
+        check = judge(found)
         label = f"{check.label} in {camera.photo}"
         yield replace(check, label=label, message=check.message.replace(check.label, label))
