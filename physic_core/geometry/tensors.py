@@ -24,6 +24,16 @@ def tensor(array: NDArray[Any]) -> torch.Tensor:
     return torch.from_numpy(np.require(array, kind, ["C", "W"]))
 
 
+def tensors(*arrays: NDArray[Any]) -> tuple[torch.Tensor, ...]:
+    """Convert each array as :func:`tensor` does."""
+    return tuple(tensor(array) for array in arrays)
+
+
+def optional_tensors(*arrays: NDArray[Any] | None) -> tuple[torch.Tensor | None, ...]:
+    """Convert each array as :func:`tensor` does; None stays None."""
+    return tuple(None if array is None else tensor(array) for array in arrays)
+
+
 def select_pixels(mask: torch.Tensor, *maps: torch.Tensor) -> tuple[torch.Tensor, ...]:
     """Return the values (M, ...) of maps (H, W, ...) at the M pixels of a mask (H, W), row by row.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import torch
@@ -21,9 +21,10 @@ from physic_core.engine.placement.solve import EstimatedBodies, PlacementInput
 from physic_core.engine.scene.camera import Cameras
 from physic_core.engine.scene.solve import SceneInput
 from physic_core.engine.sizes import scale_scene_to_known_sizes
-from physic_core.geometry.tensors import select_pixels, tensor
+from physic_core.geometry.tensors import optional_tensors, select_pixels, tensors
 from physic_core.pipeline.floor_choice import floor_evidence
 from physic_core.pipeline.person_measures import depth_ratios
+from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -40,15 +41,69 @@ if TYPE_CHECKING:
 _RAISED_SURFACES = ("seat", "bed", "table", "cabinet", "vehicle")
 
 
-def scene_stage_input(estimates: Estimates) -> SceneInput:
-    """Return the input of stage 1."""
-    return SceneInput(
-        tensor(estimates.scene.points),
-        tensor(estimates.scene.valid),
-        estimates.scene.unknown,
-        tensor(estimates.depth.depth),
-        _cameras(estimates),
-        floor_evidence(estimates.people.floor, estimates.hole, estimates.keypoints),
+@dataclass(frozen=True)
+class EngineInput(ShortRepr):
+    """Estimates of a photo with B people, as tensors: what the stages of the engine need of them.
+
+    Attributes:
+        scene: input of stage 1.
+        photo: point map of the photo with its people.
+        bodies: as estimated.
+        detections: of the same people; each keypoint has a landmark on the body.
+        contact_probability: (B, V) of the contact prior.
+        surfaces: (H, W) int64, index into ``surface_names`` of each pixel; None if the segmenter labels none.
+        surface_names: classes of surfaces.
+        raised: (H, W) bool, surfaces that can carry a foot over the ground; None if the segmenter labels none.
+        objects: (K, H, W) bool, visible pixels of what people hold; None if the segmenter looks for none.
+        standing: (B,) how far the feet are from standing on the floor, in standard deviations; None if not measured.
+    """
+
+    scene: SceneInput
+    photo: PhotoPoints
+    bodies: EstimatedBodies
+    detections: ObservedPeople
+    contact_probability: Tensor
+    surfaces: Tensor | None
+    surface_names: tuple[str, ...]
+    raised: Tensor | None
+    objects: Tensor | None
+    standing: Tensor | None
+
+
+def engine_input(estimates: Estimates, model: BodyModel) -> EngineInput:
+    """Convert the estimates; bodies and keypoints get the type and the device of the model."""
+    people, original, parameters = estimates.people, estimates.original, estimates.bodies.parameters
+    labels, on_body = people.surfaces, keypoints_on_body(estimates.keypoints)
+    points, valid, depth, photo, photo_valid, hole, masks, contact_probability = tensors(
+        *(estimates.scene.points, estimates.scene.valid, estimates.depth.depth),
+        *(original.points, original.valid, estimates.hole, people.masks, estimates.contact.probability),
+    )
+    observed, surfaces, raised, objects, standing = optional_tensors(
+        estimates.bodies.observed,
+        None if labels is None else labels.labels,
+        None if labels is None else labels.mask(*_RAISED_SURFACES),
+        estimates.objects,
+        estimates.standing,
+    )
+    betas, expression, transl, keypoints, confidence = (
+        array.to(model.device, model.dtype)
+        for array in tensors(
+            *(parameters.betas, parameters.expression, parameters.transl, on_body.points, on_body.confidence)
+        )
+    )
+    rotations = rotations_from_parameters(parameters, model.device, model.dtype)
+    floor = floor_evidence(people.floor, estimates.hole, estimates.keypoints)
+    return EngineInput(
+        scene=SceneInput(points, valid, estimates.scene.unknown, depth, _cameras(estimates), floor),
+        photo=PhotoPoints(photo, photo_valid, original.unknown, people=hole),
+        bodies=EstimatedBodies(model, rotations, betas, expression, transl),
+        detections=ObservedPeople(on_body.joint_set, keypoints, confidence, observed, masks),
+        contact_probability=contact_probability,
+        surfaces=None if surfaces is None else surfaces.long(),
+        surface_names=("unknown",) if labels is None else labels.names,
+        raised=raised,
+        objects=objects,
+        standing=standing,
     )
 
 
@@ -72,62 +127,52 @@ def _trust(camera: Intrinsics) -> int:
     return int(camera.known) - int(camera.guessed)
 
 
-def sized_scene(estimates: Estimates, scene: SceneState) -> KnownScene | None:
-    """Return the scene in the size that the user's sizes give it; None if the user knows no size."""
+def sized_scene(estimates: Estimates, masks: Tensor, scene: SceneState) -> KnownScene | None:
+    """Return the scene in the size that the user's sizes give it; None if the user knows no size.
+
+    Args:
+        masks: (B, H, W) bool, visible pixels of each person.
+        scene: of stage 1.
+    """
     if not estimates.known:
         return None
     people = len(estimates.people)
     statures = [math.nan] * people if estimates.statures is None else estimates.statures.tolist()
-    return scale_scene_to_known_sizes(estimates.known, statures, tensor(estimates.people.masks), scene)
+    return scale_scene_to_known_sizes(estimates.known, statures, masks, scene)
 
 
-def placement_input(
-    estimates: Estimates, scene: SceneState, known: KnownScene | None, model: BodyModel
-) -> PlacementInput:
+def placement_input(given: EngineInput, scene: SceneState, known: KnownScene | None) -> PlacementInput:
     """Return the input of stage 2.
 
     Args:
         scene: of stage 1, in the size of ``known``.
         known: see :func:`sized_scene`.
-        model: of the bodies; its type and device are those of the engine.
     """
-    parameters, original, people = estimates.bodies.parameters, estimates.original, estimates.people
-    on_body = keypoints_on_body(estimates.keypoints)
-    observed = estimates.bodies.observed
-    betas, expression, transl, keypoints, confidence = (
-        tensor(x).to(model.device, model.dtype)
-        for x in (parameters.betas, parameters.expression, parameters.transl, on_body.points, on_body.confidence)
-    )
     return PlacementInput(
         scene=scene,
-        photo=PhotoPoints(
-            tensor(original.points), tensor(original.valid), original.unknown, people=tensor(estimates.hole)
-        ),
-        bodies=EstimatedBodies(
-            model, rotations_from_parameters(parameters, model.device, model.dtype), betas, expression, transl
-        ),
-        detections=ObservedPeople(
-            skeleton=on_body.joint_set,
-            keypoints=keypoints,
-            confidence=confidence,
-            observed=None if observed is None else tensor(observed),
-            masks=tensor(people.masks),
-        ),
-        contact_probability=tensor(estimates.contact.probability),
-        raised=None if people.surfaces is None else tensor(people.surfaces.mask(*_RAISED_SURFACES)),
+        photo=given.photo,
+        bodies=given.bodies,
+        detections=given.detections,
+        contact_probability=given.contact_probability,
+        raised=given.raised,
         known=known,
-        standing=None if estimates.standing is None else tensor(estimates.standing),
+        standing=given.standing,
     )
 
 
 def joint_problem(
-    given: PlacementInput, placed: PlacedPeople, scale_sigma: float | None, views: tuple[OtherView, ...] = ()
+    given: EngineInput,
+    placed: PlacedPeople,
+    known: KnownScene | None,
+    scale_sigma: float | None,
+    views: tuple[OtherView, ...] = (),
 ) -> JointProblem:
     """Return the input of stage 3.
 
     Args:
-        given: input of stage 2.
-        placed: its result.
+        given: of the engine.
+        placed: result of stage 2.
+        known: see :func:`sized_scene`.
         scale_sigma: standard deviation of log(scale) of the scene, or None.
         views: what other cameras show of the same people.
     """
@@ -161,13 +206,13 @@ def joint_problem(
         foot_touch=placed.foot_touch,
         estimated_transl=bodies.transl,
         keypoint_transl=placed.placement.keypoint_transl,
-        known=None if given.known is None else given.known.geometry,
+        known=None if known is None else known.geometry,
         views=views,
     ).to_model_dtype()
 
 
 def contact_input(
-    estimates: Estimates, scene: SceneState, problem: JointProblem, result: JointResult, method: ContactMethod
+    given: EngineInput, scene: SceneState, problem: JointProblem, result: JointResult, method: ContactMethod
 ) -> ContactInput:
     """Return the input of stage 4.
 
@@ -178,11 +223,11 @@ def contact_input(
         method: of stage 4.
     """
     s, vertices = result.scene_scale, result.vertices
-    classes = _classify_points(estimates, scene)
+    classes = _classify_points(given, scene)
     points, normals = classes.uncarved or (problem.scene_points, problem.scene_normals)
     uncarved = replace(problem, scene_points=points.to(vertices), scene_normals=normals.to(vertices), floor_normal=None)
     finite = vertices[torch.isfinite(vertices).flatten(1).all(1)]
-    lifted, objects = problem.lifted_feet, estimates.objects
+    lifted, objects = problem.lifted_feet, given.objects
     return ContactInput(
         model=problem.model,
         vertices=vertices,
@@ -196,22 +241,21 @@ def contact_input(
         classes=classes,
         plane=None if problem.floor_normal is None else (problem.floor_normal, problem.floor_offset * s),
         free=method.free_vertices(problem, vertices, s),
-        objects=None if objects is None else _held_objects(problem, result, tensor(objects)),
+        objects=None if objects is None else _held_objects(problem, result, objects),
         foot_gap=_foot_gaps(problem),
         foot_touch=problem.foot_touch,
-        standing=None if estimates.standing is None else tensor(estimates.standing),
+        standing=given.standing,
     )
 
 
-def _classify_points(estimates: Estimates, scene: SceneState) -> ClassifiedPoints:
+def _classify_points(given: EngineInput, scene: SceneState) -> ClassifiedPoints:
     """Return the classes of the valid scene points, all unknown if the segmenter labels no surfaces."""
-    surfaces, hole = estimates.people.surfaces, tensor(estimates.hole)
-    (inpainted, *uncarved) = select_pixels(scene.valid, hole, *(scene.uncarved or ()))
+    (inpainted, *uncarved) = select_pixels(scene.valid, given.photo.people, *(scene.uncarved or ()))
     before = (uncarved[0], uncarved[1]) if uncarved else None
-    if surfaces is None:
-        return ClassifiedPoints(("unknown",), torch.zeros_like(inpainted, dtype=torch.int64), ~inpainted, before)
-    (labels,) = select_pixels(scene.valid, tensor(surfaces.labels))
-    return ClassifiedPoints(surfaces.names, labels.long(), ~inpainted, before)
+    labels = torch.zeros_like(inpainted, dtype=torch.int64)
+    if given.surfaces is not None:
+        (labels,) = select_pixels(scene.valid, given.surfaces)
+    return ClassifiedPoints(given.surface_names, labels, ~inpainted, before)
 
 
 def _foot_gaps(problem: JointProblem) -> Tensor | None:

@@ -116,10 +116,9 @@ def _candidate(scene: Pointmap, mask: BoolArray | None, hole: BoolArray, keypoin
 def floor_evidence(mask: BoolArray | None, hole: BoolArray, keypoints: Keypoints) -> FloorEvidence:
     """Return what the photo shows of the floor: its mask, the inpainted pixels and the feet."""
     from physic_core.geometry.floor import FloorEvidence
-    from physic_core.geometry.tensors import tensor
+    from physic_core.geometry.tensors import optional_tensors
 
-    own = None if mask is None else tensor(mask)
-    return FloorEvidence(own, tensor(hole), tensor(feet_pixels(keypoints, *hole.shape)))
+    return FloorEvidence(*optional_tensors(mask, hole, feet_pixels(keypoints, *hole.shape)))
 
 
 def feet_pixels(keypoints: Keypoints, height: int, width: int, confidence: float = 0.5) -> FloatArray:

@@ -14,13 +14,12 @@ from physic_core.engine.joint.solve import optimize
 from physic_core.engine.placement.solve import solve_placement
 from physic_core.engine.scene.solve import solve_scene
 from physic_core.engine.sizes import log_growth_to_floor
-from physic_core.geometry.tensors import tensor
 from physic_core.pipeline.checks.specs import CHECKS
 from physic_core.pipeline.engine_input import (
     contact_input,
+    engine_input,
     joint_problem,
     placement_input,
-    scene_stage_input,
     sized_scene,
 )
 from physic_core.pipeline.known_sizes import (
@@ -34,7 +33,7 @@ from physic_core.types.known_sizes import KnownPeople
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
-    from physic_core.engine.placement.solve import PlacedPeople, PlacementInput
+    from physic_core.engine.placement.solve import EstimatedBodies, PlacedPeople
     from physic_core.engine.settings import EngineSettings
     from physic_core.engine.sizes import KnownScene
     from physic_core.pipeline.estimate import Estimates
@@ -53,8 +52,9 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
     # Eighty L-BFGS steps amplify rounding errors a million times: float32 results would differ between CPUs.
     model = model.double
     with stages.time_engine("scene"):
-        scene = solve_scene(scene_stage_input(estimates), settings.scene)
-        known = sized_scene(estimates, scene)
+        given = engine_input(estimates, model)
+        scene = solve_scene(given.scene, settings.scene)
+        known = sized_scene(estimates, given.detections.masks, scene)
         scene = scene if known is None else known.scene
     is_sized = known is not None and known.factor is not None
     if estimates.scale_guess and not is_sized:
@@ -63,20 +63,19 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
     if not len(estimates.people):
         return scene_alone(estimates, scene, model, scale_sigma)
     with stages.time_engine("placement"):
-        given = placement_input(estimates, scene, known, model)
-        placed = solve_placement(given, settings.placement)
+        placed = solve_placement(placement_input(given, scene, known), settings.placement)
         if known is not None:
-            stages.warn(*_size_warnings(estimates, known, given, placed))
+            stages.warn(*_size_warnings(estimates, known, given.bodies, placed))
     with stages.time_engine("joint optimisation"):
-        problem = joint_problem(given, placed, scale_sigma, estimates.views)
+        problem = joint_problem(given, placed, known, scale_sigma, estimates.views)
         # Without a common background the depth of people is unknown; a warning reports it.
         blind = problem.human_depth is None
         result = optimize(problem, settings.joint.without("depth") if blind else settings.joint)
     with stages.time_engine("contact"):
-        scene, problem = finalize_scene(placed.scene, problem, result, tensor(estimates.hole), settings.scene)
+        scene, problem = finalize_scene(placed.scene, problem, result, given.photo.people, settings.scene)
         warnings, measured = contradictions(estimates.known, scene, problem, result)
         stages.warn(*warnings)
-        touch = solve_contact(contact_input(estimates, scene, problem, result, settings.contact), settings.contact)
+        touch = solve_contact(contact_input(given, scene, problem, result, settings.contact), settings.contact)
         solution = assemble_solution(estimates, scene, problem, placed, result, touch)
         people = solution.people
         if estimates.known:
@@ -98,11 +97,11 @@ def _off_floor(solution: Solution) -> FloatArray:
     return found
 
 
-def _size_warnings(estimates: Estimates, known: KnownScene, given: PlacementInput, placed: PlacedPeople) -> list[str]:
+def _size_warnings(estimates: Estimates, known: KnownScene, bodies: EstimatedBodies, placed: PlacedPeople) -> list[str]:
     """Return warnings of people who do not fit the known sizes; raise if the photo contradicts these."""
     warnings = []
     if placed.size_ratio is not None:
-        estimated = given.bodies.model.stature(given.bodies.betas)
+        estimated = bodies.model.stature(bodies.betas)
         warnings = check_people_in_scene(known.geometry, estimates.statures, estimated, placed.size_ratio)
     if placed.rejected_floor is not None and known.geometry.camera_height is not None:
         raise floor_contradiction(known.geometry, known.unscaled.floor_offset)

@@ -13,7 +13,6 @@ from physic_core.body.joints import NUM_JOINTS
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.engine.contact.partner import DECIMALS
 from physic_core.engine.scene.solve import alignment_diagnostics
-from physic_core.geometry.tensors import tensor
 from physic_core.pipeline.measures import moved_scene
 from physic_core.pipeline.person_measures import measure_people
 from physic_core.types import NO_PARTNER, BodyParameters, CameraTrust, Intrinsics, Plane, Scene
@@ -98,7 +97,7 @@ def assemble_solution(
         for start, more, moved in zip(
             placed.placement.diagnostics,
             measure_people(problem, result, touch),
-            _moved_scene(estimates, scene, s),
+            _moved_scene(problem.masks, scene, s),
             strict=True,
         )
     )
@@ -181,12 +180,12 @@ def _scene(scene: SceneState, scale: float, estimates: Estimates) -> Scene:
     )
 
 
-def _moved_scene(estimates: Estimates, scene: SceneState, scale: float) -> list[float | None]:
-    """Return how far inpainted points were moved behind each person, metres."""
+def _moved_scene(masks: Tensor, scene: SceneState, scale: float) -> list[float | None]:
+    """Return how far inpainted points were moved behind each person of masks (B, H, W), metres."""
     if scene.uncarved is None:
-        return [None] * len(estimates.people)
-    masks = tensor(estimates.people.masks) & scene.valid
-    return [moved_scene(scene.points * scale, scene.uncarved[0] * scale, mask) for mask in masks]
+        return [None] * len(masks)
+    points, before = scene.points * scale, scene.uncarved[0] * scale
+    return [moved_scene(points, before, mask & scene.valid) for mask in masks]
 
 
 def _camera_source(K: Tensor, estimates: Estimates) -> tuple[str, CameraTrust, float | None]:
