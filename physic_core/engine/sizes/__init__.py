@@ -18,8 +18,11 @@ from physic_core.engine.sizes.people_in_scene import (
     stature_factor,
 )
 from physic_core.engine.sizes.person_scales import scales_by_soles, scales_by_torsos, standing_scores
+from physic_core.engine.sizes.scale_vote import PeopleVote, PersonScales, ScaleRule, scale_by_people
 from physic_core.engine.sizes.stature import (
+    ADULT_STATURE_M,
     STATURE_SIGMA,
+    adult_shape,
     betas_with_stature,
     linearise_stature,
     resize_bodies,
@@ -28,6 +31,7 @@ from physic_core.engine.sizes.stature import (
 )
 
 __all__ = [
+    "ADULT_STATURE_M",
     "CONTRADICTION",
     "FACTOR_SPREAD",
     "STATURES_M",
@@ -36,10 +40,15 @@ __all__ = [
     "KnownDistances",
     "KnownGeometry",
     "KnownScene",
+    "PeopleVote",
+    "PersonScales",
+    "ScaleRule",
+    "adult_shape",
     "betas_with_stature",
     "linearise_stature",
     "log_growth_to_floor",
     "resize_bodies",
+    "scale_by_people",
     "scale_scene",
     "scale_scene_to_known_sizes",
     "scales_by_soles",

@@ -20,6 +20,14 @@ from physic_core.body.model import BodyModel
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
 
+ADULT_STATURE_M = 1.715 + 0.025
+"""Mean height of adults in shoes, metres.
+
+Barefoot adults in high-income countries measure 1.78 m (men) and 1.65 m (women) in the mean (NCD-RisC, eLife
+2016;5:e13410), that is 1.715 m, with a standard deviation of 9.3 cm (ANSUR II, Gordon et al. 2014). The soles of shoes
+are the soles of a fitted body: 2.5 cm more.
+"""
+
 STATURE_SIGMA = 0.06
 """Expected error of log(stature). With the embedded body's shape prior (0.054) the combined error is 0.04."""
 
@@ -52,6 +60,16 @@ def linearise_stature(model: BodyModel, betas: Tensor) -> LinearStature:
         height = model.stature(start)
         (slope,) = torch.autograd.grad(height.sum(), start)
     return LinearStature(height.detach(), slope, betas.detach())
+
+
+def adult_shape(mean_stature: float, slope: Tensor) -> Tensor:
+    """Return the most probable betas (K,) of a body of :data:`ADULT_STATURE_M`.
+
+    Args:
+        mean_stature: of zero betas, metres.
+        slope: (K,) metres that one unit of each component adds.
+    """
+    return slope * (ADULT_STATURE_M - mean_stature) / slope.square().sum()
 
 
 def stature_prior(height: Tensor, expected: Tensor, sigma: float = STATURE_SIGMA) -> Tensor:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar
+from dataclasses import replace
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -12,36 +12,33 @@ from physic_core.errors import BackendError, NoPersonError
 from physic_core.interfaces import MetricDepth, Options
 from physic_core.types import DepthMap
 from physic_core.types.skeletons import SIDES
-from physic_embedded.scale_vote import ScaleVote, vote_on_scale
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.body.model import BodyModel
-    from physic_core.types import Bodies, Hints, Pointmap
+    from physic_core.engine.sizes import PeopleVote, PersonScales
+    from physic_core.types import Bodies, Hints
 
     FloatArray = NDArray[np.floating]
 
 _LIMBS = ("shoulder", "hip", "knee", "ankle")
-_LEAST_SIZE = 0.25  # of people with visible soles, as a share of the size of the best visible torso
 _FARTHEST_M = 1e4
 
 
 class EmbeddedMetricDepthOptions(Options):
     """Settings of the embedded metric depth."""
 
-    rule: str = Field(
-        "auto",
-        pattern="^(auto|contact|body_size)$",
-        description="'contact' takes soles on the floor, 'body_size' torsos; 'auto' the first where it can",
+    scale_by: Literal["auto", "soles", "torsos"] = Field(
+        "auto", description="'soles' on the floor, 'torsos', or 'auto': soles where they are seen well, else torsos"
     )
-    contact_sigma: float = Field(
-        0.08, ge=1e-6, le=10, description="what is not known of a scale from soles: stature, log standard deviation"
+    soles_sigma: float = Field(
+        0.08, ge=1e-6, le=10, description="unknown part of a scale from soles: stature; standard deviation of the log"
     )
-    body_size_sigma: float = Field(
-        0.2, ge=1e-6, le=10, description="what is not known of a scale from body size: stature and the person's depth"
+    torsos_sigma: float = Field(
+        0.2, ge=1e-6, le=10, description="unknown part of a scale from torsos: stature and the person's depth"
     )
-    most_disagreement: float = Field(
+    disagreement: float = Field(
         1.7,
         gt=1,
         le=1e3,
@@ -54,21 +51,6 @@ class EmbeddedMetricDepthOptions(Options):
         description="feet are over the floor if the scale of their soles is less than that of standing people by this "
         "many standard deviations, which the point map states",
     )
-
-
-@dataclass(frozen=True)
-class PersonScales:
-    """Scale of the scene estimated from each of N people, metres per unit; NaN where unknown.
-
-    Attributes:
-        contact: (N,) from soles on the floor.
-        body_size: (N,) from the depth of the torso.
-        lifted: (N,) bool, people whose feet are over the floor.
-    """
-
-    contact: FloatArray
-    body_size: FloatArray
-    lifted: NDArray[np.bool_]
 
 
 class EmbeddedMetricDepth(MetricDepth):
@@ -98,6 +80,8 @@ class EmbeddedMetricDepth(MetricDepth):
             BackendError: hints lack the scene or the bodies, or nobody can serve as the ruler.
             NoPersonError: there is no body.
         """
+        from physic_core.engine.sizes import ScaleRule, scale_by_people
+
         if hints.scene is None or hints.bodies is None:
             missing = "scene" if hints.scene is None else "bodies"
             raise BackendError(
@@ -110,16 +94,25 @@ class EmbeddedMetricDepth(MetricDepth):
         count = len(vertices)
         observed = hints.bodies.observed
         observed = np.ones((count, 55), bool) if observed is None else np.asarray(observed)
-        vote, notes = self._vote(
+        options, scene = self.options, hints.scene
+        shift_sigma = scene.shift_sigma if scene.unknown == "inverse_scale_shift" else None
+        found = scale_by_people(
             self._scales(vertices, model, observed, hints),
             vertices[..., 2].mean(1),
             _visible_evidence(hints, count),
-            hints.scene,
+            shift_sigma or 0.0,
+            ScaleRule(options.scale_by, options.soles_sigma, options.torsos_sigma, options.disagreement),
         )
+        if found is None:
+            raise BackendError(
+                "the embedded metric depth found no soles on a floor and no torso in the relative depth: "
+                "give hints.floor or hints.original, or choose a metric depth network"
+            )
+        vote = found.vote
         with np.errstate(divide="ignore"):
             inverse = (1 / np.where(hints.scene.valid, hints.scene.points[..., 2], np.nan) + vote.shift) / vote.scale
             depth = np.where(inverse > 1 / _FARTHEST_M, 1 / inverse, np.nan).astype(np.float32)
-        return DepthMap(depth, hints.scene.intrinsics or hints.intrinsics, vote.sigma, tuple(notes))
+        return DepthMap(depth, hints.scene.intrinsics or hints.intrinsics, vote.sigma, tuple(_notes(found)))
 
     def _pose_bodies(self, bodies: Bodies) -> tuple[FloatArray, BodyModel]:
         """Return the vertices of the bodies and their model."""
@@ -155,7 +148,7 @@ class EmbeddedMetricDepth(MetricDepth):
 
         People come out farther than the floor that they stand on, so that a torso makes the floor too near.
         """
-        from physic_core.engine.sizes import scales_by_soles, scales_by_torsos, standing_scores
+        from physic_core.engine.sizes import PersonScales, scales_by_soles, scales_by_torsos, standing_scores
 
         photo, soles = hints.original, np.full((len(vertices), 2), np.nan)
         torsos, lifted = np.full(len(vertices), np.nan), np.zeros(len(vertices), bool)
@@ -170,48 +163,24 @@ class EmbeddedMetricDepth(MetricDepth):
                 torsos = torsos * np.exp(photo.people_farther[0])
         return PersonScales(np.fmax(soles[:, 0], soles[:, 1]), torsos, lifted)
 
-    def _vote(
-        self, people: PersonScales, depths: FloatArray, weights: FloatArray, scene: Pointmap
-    ) -> tuple[ScaleVote, list[str]]:
-        """Let the soles on the floor vote on the scale, else the torsos, and return notes on the vote.
 
-        Args:
-            people: scales of N people.
-            depths: (N,) metres.
-            weights: (N,) how well the photo shows each person.
-            scene: its unknown shift.
-        """
-        options = self.options
-        contact, size = people.contact, people.body_size
-        with np.errstate(invalid="ignore"):
-            elsewhere = np.abs(np.log(contact / size)) > np.log(options.most_disagreement)
-        if elsewhere[np.isfinite(contact)].all():
-            elsewhere[:] = False
-        elsewhere |= people.lifted
-        contact = np.where(elsewhere, np.nan, contact)
-        soles = options.rule == "contact" or (options.rule == "auto" and _are_seen_well(contact, size, weights))
-        scales, sigma = (contact, options.contact_sigma) if soles else (size, options.body_size_sigma)
-        if not np.isfinite(scales).any():
-            raise BackendError(
-                "the embedded metric depth found no soles on a floor and no torso in the relative depth: "
-                "give hints.floor or hints.original, or choose a metric depth network"
-            )
-        shift_sigma = scene.shift_sigma if scene.unknown == "inverse_scale_shift" else None
-        vote = vote_on_scale(scales, depths, weights, sigma, shift_sigma or 0.0)
-        voters = _count_people(int((np.isfinite(scales) & ~vote.outliers).sum()))
-        notes = [
-            f"the scale is from the soles of {voters} on the floor"
-            if soles
-            else f"the scale is from the body size of {voters}: soles on a visible floor would give it more exactly"
-        ]
-        if soles and elsewhere.any():
-            others = _count_people(int(elsewhere.sum()))
-            notes.append(f"{others} not used for the scale: their soles are not on the floor that was found")
-        if vote.outliers.any():
-            others = _count_people(int(vote.outliers.sum()))
-            split = ", about as well visible as the others: the scale is that of the best visible" if vote.split else ""
-            notes.append(f"{others} would give the scene another scale{split}")
-        return vote, notes
+def _notes(found: PeopleVote) -> list[str]:
+    """Describe who voted on the scale."""
+    voters = _count_people(int(found.voters.sum()))
+    notes = [
+        f"the scale is from the soles of {voters} on the floor"
+        if found.by_soles
+        else f"the scale is from the body size of {voters}: soles on a visible floor would give it more exactly"
+    ]
+    if found.by_soles and found.elsewhere.any():
+        others = _count_people(int(found.elsewhere.sum()))
+        notes.append(f"{others} not used for the scale: their soles are not on the floor that was found")
+    vote = found.vote
+    if vote.outliers.any():
+        others = _count_people(int(vote.outliers.sum()))
+        split = ", about as well visible as the others: the scale is that of the best visible" if vote.split else ""
+        notes.append(f"{others} would give the scene another scale{split}")
+    return notes
 
 
 def _visible_evidence(hints: Hints, count: int) -> FloatArray:
@@ -224,12 +193,6 @@ def _visible_evidence(hints: Hints, count: int) -> FloatArray:
         used = [row[f"{side}_{joint}"] for side in SIDES for joint in _LIMBS if f"{side}_{joint}" in row]
         weights *= np.maximum(hints.keypoints.confidence[:, used].mean(1), 1e-3) if used else 1.0
     return weights
-
-
-def _are_seen_well(contact: FloatArray, size: FloatArray, weights: FloatArray) -> bool:
-    """Return whether soles are seen of a person who is not much smaller in the photo than the best seen torso."""
-    best = weights[np.isfinite(contact)].max(initial=0.0)
-    return bool(best > _LEAST_SIZE * weights[np.isfinite(size)].max(initial=0.0))
 
 
 def _count_people(count: int) -> str:

@@ -9,6 +9,7 @@ import torch
 
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.parameters import rotations_from_parameters
+from physic_core.engine.sizes import ADULT_STATURE_M, adult_shape
 from physic_core.types import (
     SKELETONS,
     Bodies,
@@ -25,7 +26,6 @@ from physic_embedded.body_estimator import EmbeddedBodies
 from physic_embedded.body_fit.lean import lean_towards_camera
 from physic_embedded.body_fit.observations import observe_people, rotation_to_ray
 from physic_embedded.body_fit.pose_prior import pose_prior, relaxed_finger_pose
-from physic_embedded.body_fit.stature_prior import ADULT_STATURE_M, adult_shape
 from physic_embedded.networks.blazepose import BLAZEPOSE_SKELETON
 
 CAMERA = Intrinsics.from_focal(900.0, 1000, 800)

@@ -21,7 +21,10 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.floating]
 
-_STATURE = 1.72  # metres, of the body that a size in px stands for
+SIZE_STATURE_M = 1.72
+"""Height of the body that a size in px stands for: a unit, and no prior."""
+
+
 _OUTSIDE = 0.05  # weight left to a keypoint outside the picture, which the network can only guess
 _UNSEEN, _UNSEEN_WEIGHT = 0.3, 0.1  # a keypoint of less confidence keeps this share of its 2D weight
 _HIP_WEIGHT = 0.5  # networks mark hips on the surface, bodies have them inside
@@ -43,7 +46,7 @@ class Observations:
         points: (N, J, 2) px.
         weight: (N, J) of the 2D points.
         confidence: (N, J), low outside the picture.
-        size: (N,) px that a standing person of 1.72 m would span at this distance.
+        size: (N,) px that a standing person of :data:`SIZE_STATURE_M` would span at this distance.
         turn: (N, 3, 3) rotation from the axes of a camera that looks straight at the person to this camera's.
         world: (N, J, 3) metres in the axes of that camera, the origin between the hips; None without 3D landmarks.
         world_weight: (N, J) of the 3D points.
@@ -101,7 +104,7 @@ def observe_people(keypoints: Keypoints, people: People, intrinsics: Intrinsics)
         size = _size_without_landmarks(points, row, people)
     else:
         world = world - world[:, hips].mean(1, keepdims=True)
-        size = _STATURE * _pixels_per_metre(points, world, confidence)
+        size = SIZE_STATURE_M * _pixels_per_metre(points, world, confidence)
     world_weight = np.maximum(confidence, _LEAST_WORLD_WEIGHT)
     made_up = ~inside | (confidence < _GUESSED)
     bends = [row[f"{side}_{joint}"] for side in ("left", "right") for joint in ("knee", "ankle")]
@@ -156,7 +159,7 @@ def _pixels_per_metre(points: FloatArray, world: FloatArray, weight: FloatArray)
     scale = (weight * (seen * known).sum(-1)).sum(1) / ((weight * (known**2).sum(-1)).sum(1) + 1e-9)
     extent = np.ptp(points, axis=1).max(-1)
     # The floor is for landmarks that disagree wholly with the picture.
-    return np.asarray(np.maximum(scale, 0.1 * extent / _STATURE))
+    return np.asarray(np.maximum(scale, 0.1 * extent / SIZE_STATURE_M))
 
 
 def _size_without_landmarks(points: FloatArray, row: dict[str, int], people: People) -> FloatArray:

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.body import JOINT_INDEX
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices
+from physic_embedded.body_fit.observations import SIZE_STATURE_M
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -105,7 +106,7 @@ def initial_translation(landmarks: FloatArray, observations: Observations, i: in
     if found is not None:
         return found
     ray = observations.turn[i][:, 2]
-    return np.asarray(ray / ray[2] * camera[1, 1] * 1.72 / observations.size[i])
+    return np.asarray(ray / ray[2] * camera[1, 1] * SIZE_STATURE_M / observations.size[i])
 
 
 def _normalise(vector: FloatArray) -> FloatArray:
