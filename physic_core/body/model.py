@@ -153,7 +153,7 @@ class BodyModel:
             expression: (B, E); None for zero.
             vertex_ids: (n,) int64, to pose only these vertices. To pose the same few many times use
                 :meth:`landmarks_only`, which gathers them once.
-            joints_only: leave the vertices out.
+            joints_only: skip the vertices.
 
         Raises:
             BodyModelError: a shape does not fit this body.

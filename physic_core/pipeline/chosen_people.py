@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Keypoints, People, PeoplePrompt
 
 _MIN_BOX_IOU = 0.3
-"""A found person whose box has less overlap with the user's box is somebody else."""
+"""A found person whose box has less overlap with the user's box is a different person."""
 
 _MIN_MASK_IOU = 0.5
 """Found keypoints are kept for a given mask that overlaps at least so much with the found one."""
@@ -30,7 +30,7 @@ def select_chosen(people: People, prompt: PeoplePrompt) -> People:
         prompt: in px of the same image.
 
     Raises:
-        NoPersonError: a point or box hits nobody, or two prompts hit the same person.
+        NoPersonError: no person is at a point or box, or two prompts select the same person.
     """
     rows = [_required(person_at_point(people, p), prompt, i, people) for i, p in enumerate(prompt.points)]
     rows += [_required(person_in_box(people, b), prompt, i, people) for i, b in enumerate(prompt.boxes, len(rows))]

@@ -25,7 +25,6 @@ from physic_core.interfaces import (
     SegmenterRequest,
 )
 from physic_core.interfaces.body_estimator import valid_body_rows
-from physic_core.pipeline.chosen_people import select_chosen
 from physic_core.pipeline.conversion import bodies_for_backends, convert_to_configured, replace_hands, transfer_contact
 from physic_core.pipeline.floor_choice import FloorCandidate, choose_floor, floor_candidates
 from physic_core.pipeline.held_objects import select_held_objects
@@ -35,7 +34,6 @@ from physic_core.pipeline.invalid_results import (
     discard_invalid_keypoints,
     expand_contact,
 )
-from physic_core.pipeline.unknown_scale import guess_metric_depth
 from physic_core.types import (
     Bodies,
     ContactProbability,
@@ -144,7 +142,7 @@ def run_backends(
 
     Raises:
         InputError: the number of known statures is not that of the people.
-        NoPersonError: a prompt hits nobody, or people are required and the segmenter found none.
+        NoPersonError: a prompt selects no person, or people are required and the segmenter found none.
         BackendError: a required backend failed.
         BackendOutputError: a required backend returned an invalid result.
     """
@@ -288,6 +286,8 @@ class _BackendCalls:
         request = SegmenterRequest(image, prompt=prompt if takes_prompt else None)
         people = self.stages.call_backend("people", segmenter, request)
         if prompt is not None and not takes_prompt:
+            from physic_core.pipeline.chosen_people import select_chosen
+
             people = select_chosen(people, prompt)
         if people.keypoints is not None:
             own, self.missing["segmenter"] = discard_invalid_keypoints(people.keypoints)
@@ -393,6 +393,8 @@ class _BackendCalls:
         try:
             return self.stages.call_backend("metric depth", self.backends["metric_depth"], request), ""
         except NoPersonError:
+            from physic_core.pipeline.unknown_scale import guess_metric_depth
+
             return guess_metric_depth(scene, request.hints.floor, camera)
 
     def missing_per_person(self, people: int) -> tuple[tuple[str, ...], ...]:

@@ -58,9 +58,9 @@ def floor_candidates(
 def choose_floor(
     candidates: tuple[FloorCandidate, ...], hints: Hints, model: BodyModel, lifted_sigmas: float = 3.0
 ) -> tuple[FloorCandidate, FloatArray]:
-    """Return the first candidate on which somebody stands, else the last, and the standing scores (N,) of the people.
+    """Return the first candidate on which a person stands, else the last, and the standing scores (N,) of the people.
 
-    Where it is unknown who stands, the floor is the first candidate.
+    If standing cannot be measured, the floor is the first candidate.
 
     Args:
         candidates: of :func:`floor_candidates`.

@@ -10,16 +10,20 @@ import numpy as np
 import torch
 
 from physic_core.body.parameters import rotations_from_parameters
+from physic_core.body.posture import standing_legs
 from physic_core.engine.sizes import (
     CONTRADICTION,
     FACTOR_SPREAD,
     STATURES_M,
+    log_growth_to_floor,
     resize_bodies,
     stature_sigmas,
 )
 from physic_core.errors import ConfigError, InputError
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.tensors import tensor
+from physic_core.pipeline.checks.specs import CHECKS
+from physic_core.types.known_sizes import KnownPeople
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,10 +32,12 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel
     from physic_core.engine.joint.problem import JointProblem, JointResult
+    from physic_core.engine.placement.solve import EstimatedBodies, PlacedPeople
     from physic_core.engine.scene.solve import SceneState
-    from physic_core.engine.sizes import KnownGeometry
+    from physic_core.engine.sizes import KnownGeometry, KnownScene
+    from physic_core.pipeline.estimate import Estimates
+    from physic_core.pipeline.solution import Solution
     from physic_core.types import Bodies, FloatArray, KnownSizes, People
-    from physic_core.types.known_sizes import KnownPeople
 
 _AGREES = 0.02  # difference of logarithms of a given and a resulting size
 
@@ -110,6 +116,23 @@ def bodies_of_stature(bodies: Bodies, model: BodyModel, statures: FloatArray, ne
     )
 
 
+def check_placed_people(
+    estimates: Estimates, known: KnownScene, bodies: EstimatedBodies, placed: PlacedPeople
+) -> list[str]:
+    """Return warnings of people who do not fit the known sizes.
+
+    Raises:
+        ConfigError: the photo contradicts a known size.
+    """
+    warnings = []
+    if placed.size_ratio is not None:
+        estimated = bodies.model.stature(bodies.betas)
+        warnings = check_people_in_scene(known.geometry, estimates.statures, estimated, placed.size_ratio)
+    if placed.rejected_floor is not None and known.geometry.camera_height is not None:
+        raise floor_contradiction(known.geometry, known.unscaled.floor_offset)
+    return warnings
+
+
 def check_people_in_scene(
     known: KnownGeometry, statures: FloatArray | None, estimated: Tensor, ratio: Tensor
 ) -> list[str]:
@@ -172,6 +195,43 @@ def _scene_sizes(known: KnownGeometry, factor: float = 1.0) -> str:
     lengths = known.distances.metres[(known.distances.person < 0).all(1)].tolist()
     height = [] if known.camera_height is None else [f"the camera height {known.camera_height * factor:.3g} m"]
     return " and ".join(height + [f"the known length of {metres * factor:.3g} m" for metres in lengths])
+
+
+def compare_sizes(
+    estimates: Estimates,
+    solution: Solution,
+    scene: SceneState,
+    problem: JointProblem,
+    result: JointResult,
+    *,
+    is_sized: bool,
+) -> tuple[list[str], Solution]:
+    """Compare what the user knows with the result; return warnings, and the solution with the comparison.
+
+    Args:
+        scene: before the factor ``result.scene_scale``.
+        is_sized: whether the camera's height or a length gave the scale.
+
+    Raises:
+        ConfigError: as in :func:`contradictions`.
+    """
+    warnings, measured = contradictions(estimates.known, scene, problem, result)
+    given = KnownPeople(estimates.ages, estimates.statures)
+    sizes = compare_statures(given, problem, result, _growth_to_floor(solution), is_sized=is_sized)
+    people = tuple({**own, **size} for own, size in zip(solution.people, sizes, strict=True))
+    return warnings, replace(solution, people=people, diagnostics={**solution.diagnostics, **measured})
+
+
+def _growth_to_floor(solution: Solution) -> FloatArray:
+    """Return the log factor (N,) by which people who stand off the floor must grow to stand on it; 0 for others."""
+    found, floor = np.zeros(len(solution.people)), solution.scene.floor
+    for i, report in enumerate(solution.people):
+        height = report.get("sole_height_m")
+        if floor is None or height is None or abs(height) <= CHECKS["sole_height"].threshold:
+            continue
+        if standing_legs(solution.joints[i]).all():
+            found[i] = log_growth_to_floor(height, floor.offset)
+    return found
 
 
 def contradictions(
@@ -251,7 +311,7 @@ def compare_statures(
 
     Returns:
         Per person ``given_stature_m``, ``shown_stature_m``, and ``stature_sigmas``, the difference of their logarithms
-        in standard deviations; empty for people of whom nothing is known.
+        in standard deviations; empty for people without a known age or stature.
     """
     before, after = (problem.model.stature(betas).double().log().numpy() for betas in (problem.betas0, result.betas))
     after = after + off_floor
@@ -263,7 +323,7 @@ def compare_statures(
     found: list[dict[str, float | None]] = [{} for _ in before]
     for i in np.flatnonzero((np.isfinite(years) | np.isfinite(stature)) & np.isfinite(after)).tolist():
         others = np.delete(weight, i)
-        # In a scene of unknown size, a person alone is as large as the fit says.
+        # In a scene of unknown size, the size of a single person is that of the fit.
         common, variance = 0.0, 0.0
         if others.sum() and not is_sized:
             common, variance = float(np.average(np.delete(growth, i), weights=others)), 1 / float(others.sum())

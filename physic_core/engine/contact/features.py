@@ -5,7 +5,7 @@ logarithms, ``log(1 + d / 1 cm)``, for the outside and the inside of a surface.
 
 All vertices of a body part share the errors of the part's place. Therefore the *gap* of a part to a surface is one
 feature, and the *rise* of a vertex, its distance less the gap, is another, which is known far better. The gap is the
-distance of the fifth vertex from below, so that single ones do not decide.
+fifth smallest distance of its vertices, which is robust to outliers.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ Columns: TypeAlias = Mapping[str, Tensor]
 _LOG_UNIT_M = 0.01
 _GAP_VERTICES = 5
 _PRIOR_RANGE = (0.05, 0.95)
-_LARGEST_FOOT_GAP = 0.3  # log ratio of depths; larger ones are no surer
+_LARGEST_FOOT_GAP = 0.3  # log ratio of depths; larger gaps are clipped
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ class ContactInput:
         foot_gap: (N, 2) log ratio of the depth behind the left and right foot to the foot's depth, NaN where unknown;
             None if no depth is known. See :mod:`physic_core.engine.placement.lifted_feet`.
         foot_touch: (N, 2) probability by the picture that the left and the right foot touch something; None if unknown.
-        standing: (N,) standard deviations from standing on the floor, NaN where unknown; None for everybody unknown.
+        standing: (N,) standard deviations from standing on the floor, NaN where unknown; None if not measured.
     """
 
     model: BodyModel

@@ -219,9 +219,9 @@ class PlacementMethod(PlacementSettings):
         return float(person.foot_height(fixed)) > min(self.stand_reach_m, _STAND_REACH_SHARE * away)
 
 
-def _subsample(points: Tensor, most: int) -> Tensor:
-    """Return at most ``most`` of points (N, 3), evenly spaced by index."""
+def _subsample(points: Tensor, max_points: int) -> Tensor:
+    """Return at most ``max_points`` of points (N, 3), evenly spaced by index."""
     last = len(points) - 1
-    if last < most:
+    if last < max_points:
         return points
-    return points[torch.linspace(0, last, most, dtype=torch.float64, device=points.device).round().long()]
+    return points[torch.linspace(0, last, max_points, dtype=torch.float64, device=points.device).round().long()]

@@ -62,7 +62,7 @@ class PlacementInput(ShortRepr):
         raised: (H, W) bool, surfaces that can carry a foot over the ground; None if no surface is labelled.
         known: sizes that the user knows; None without any.
         standing: (B,) how far the feet are from standing on the floor, in standard deviations
-            (:func:`physic_core.engine.sizes.standing_scores`), NaN where unknown; None for everybody unknown.
+            (:func:`physic_core.engine.sizes.standing_scores`), NaN where unknown; None if not measured.
     """
 
     scene: SceneState

@@ -182,7 +182,7 @@ def _scene_point(scene: SceneState, x: int, y: int) -> Tensor | None:
 
 
 def scene_factor(known: KnownGeometry, floor_offset: float | None) -> float | None:
-    """Return the factor on the scene that the camera's height and lengths on the scene ask for, their geometric mean.
+    """Return the factor on the scene by the known camera height and lengths on the scene: the geometric mean.
 
     Args:
         known: of the scene as it is.

@@ -55,7 +55,7 @@ def log_growth_to_floor(sole_height: float, floor_offset: float) -> float:
     """Return the log factor by which a person must grow about the camera for the soles to meet the floor.
 
     Args:
-        sole_height: of the lowest sole over the floor; 0.9 of the camera's height counts as the most.
+        sole_height: of the lowest sole over the floor; clipped at 0.9 of the camera's height.
         floor_offset: height of the camera over the floor.
     """
     return -math.log1p(-min(sole_height / floor_offset, 0.9))
@@ -68,7 +68,7 @@ def stature_factor(measured: Tensor, stature: Tensor) -> Tensor:
     spreads, unless they differ so much that the prior cannot hold.
 
     Args:
-        measured: (B,) factor by which the scene asks to enlarge each person, NaN where unknown.
+        measured: (B,) factor on the size of each person by the scene, NaN where unknown.
         stature: (B,) metres, estimated.
     """
     log = torch.nan_to_num(measured, nan=1.0).log()

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.floating[Any]]
     BoolArray = NDArray[np.bool_]
 
-_RAYS = 4000  # pixels of each person to look at
+_RAYS = 4000  # largest number of sampled pixels of each person
 _MIN_PIXELS = 30
 _MIN_HITS = 20
 _ERODED_SHARE = 0.004  # of the long side: the depth of the background bleeds into the edge of a mask
@@ -81,7 +81,7 @@ def standing_scores(by_soles: FloatArray, by_torsos: FloatArray, photo: Pointmap
     """Return how far each person's feet are from standing on the floor, (N,) in standard deviations.
 
     About 0 for people who stand on it, clearly negative for people whose feet are over it. NaN where soles or torso are
-    not visible, and for everybody if the point map does not state ``people_farther``.
+    not visible, and for all people if the point map does not state ``people_farther``.
 
     Args:
         by_soles: (N, 2) of :func:`scales_by_soles`.

@@ -19,7 +19,6 @@ from physic_core.pipeline.checks.result import (
     warning_messages,
 )
 from physic_core.pipeline.checks.specs import CHECKS, CheckSpec
-from physic_core.pipeline.checks.views import with_cameras
 
 if TYPE_CHECKING:
     from physic_core.engine.settings import EngineSettings
@@ -36,7 +35,6 @@ __all__ = [
     "run_checks",
     "unknown_checks",
     "warning_messages",
-    "with_cameras",
 ]
 
 
