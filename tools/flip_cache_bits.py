@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from physic_core.cache.digest import Digester
-from physic_core.cache.lru_folder import RESULT_SUFFIX
+from physic_core.cache.folders import CACHES
 from physic_core.cache.result_cache import CacheKey, ResultCache
 from physic_core.types import (
     Bodies,
@@ -66,7 +66,7 @@ def one_of_each(seed: int = 0) -> dict[str, object]:
 
 def question(interface: str) -> CacheKey:
     """What an answer of an interface is kept under here."""
-    return CacheKey(f"{interface}-flipped-0{RESULT_SUFFIX}", {"interface": interface})
+    return CacheKey(f"{interface}-flipped-0{CACHES['results'][1]}", {"interface": interface})
 
 
 def flip(folder: Path, flips: int, seed: int = 0) -> tuple[Counter[str], list[str]]:

@@ -132,7 +132,7 @@ def open_session(
     kept = KeptGraph.of(path.stem, " ".join(published.values())) if published and chosen.name == "CPU" else None
     if kept is not None:
         if (content := kept.read()) is not None:
-            options = _session_options(kept.folder, threads, chosen)
+            options = _session_options(kept.kept.path, threads, chosen)
             options.graph_optimization_level = ort.GraphOptimizationLevel.ORT_DISABLE_ALL
             try:
                 session = create(content, options)

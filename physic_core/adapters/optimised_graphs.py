@@ -20,9 +20,8 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from physic_core.cache.claim import claim_folder, is_own
-from physic_core.cache.folders import graphs_folder
-from physic_core.cache.lru_folder import GRAPH_SUFFIX, mark_used, trim_folder
+from physic_core.cache.claim import claimed_cache, is_own
+from physic_core.cache.lru_folder import LruFolder
 
 if TYPE_CHECKING:
     from onnxruntime import InferenceSession
@@ -41,11 +40,11 @@ class KeptGraph:
     renamed when they are complete: any number of processes may write.
 
     Attributes:
-        folder: of the cache.
+        kept: the cache.
         name: of the file, without the random number at its end.
     """
 
-    folder: Path
+    kept: LruFolder
     name: str
 
     @classmethod
@@ -53,16 +52,16 @@ class KeptGraph:
         """Return the kept form of a graph, by its name and the SHA-256 of its files; None if none can be kept."""
         import onnxruntime as ort
 
-        folder = claim_folder(graphs_folder())
+        kept = claimed_cache("graphs")
         made_of = f"mapped weights {sha256} {ort.__version__} {ort.get_build_info()} {_processor()}"
-        return None if folder is None else cls(folder, f"{graph}-{hashlib.sha256(made_of.encode()).hexdigest()[:24]}")
+        return None if kept is None else cls(kept, f"{graph}-{hashlib.sha256(made_of.encode()).hexdigest()[:24]}")
 
     def read(self) -> bytes | None:
-        """Return the graph, whose weights are in a file of ``folder``, if it is kept; a damaged file is deleted."""
+        """Return the graph, whose weights are in a file of the cache, if it is kept; a damaged file is deleted."""
         for path in self._files():
             with suppress(OSError):
                 if (graph := _graph_of(path)) is not None:
-                    mark_used(path)
+                    self.kept.mark_used(path.name)
                     return graph
                 path.unlink()
         return None
@@ -80,8 +79,8 @@ class KeptGraph:
             optimise: writes a graph to a path and its weights to a file of a name beside it.
         """
         token = secrets.token_hex(4)
-        part = self.folder / f".{self.name}{GRAPH_SUFFIX}.{token}.physic-part"
-        complete = self.folder / f"{self.name}-{token}{GRAPH_SUFFIX}"
+        part = self.kept.path / f".{self.name}{self.kept.suffix}.{token}.physic-part"
+        complete = self.kept.path / f"{self.name}-{token}{self.kept.suffix}"
         try:
             part.mkdir(mode=0o700)
         except OSError:  # such as a cache that may only be read
@@ -94,7 +93,7 @@ class KeptGraph:
                     _append_graph(weights, graph.read_bytes())
                     weights.chmod(0o600)
                     weights.rename(complete)
-                trim_folder(self.folder, MAX_GRAPH_BYTES, GRAPH_SUFFIX)
+                self.kept.trim(MAX_GRAPH_BYTES)
             return session
         except Exception:  # onnxruntime raises it for a full disk, too; the caller opens the graph again
             return None
@@ -103,7 +102,7 @@ class KeptGraph:
 
     def _files(self) -> list[Path]:
         # A file of another user is from a time when others could write to the folder.
-        return list(filter(is_own, self.folder.glob(f"{self.name}-*{GRAPH_SUFFIX}")))
+        return list(filter(is_own, self.kept.path.glob(f"{self.name}-*{self.kept.suffix}")))
 
 
 def _append_graph(weights: Path, graph: bytes) -> None:

@@ -10,8 +10,8 @@ from contextlib import suppress
 from functools import cache
 from typing import TYPE_CHECKING
 
-from physic_core.cache.folders import CACHE_VARIABLE
-from physic_core.cache.lru_folder import CACHE_SUFFIXES, clear_folder
+from physic_core.cache.folders import CACHE_VARIABLE, CACHES, users_cache
+from physic_core.cache.lru_folder import LruFolder
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -45,10 +45,16 @@ def claim_folder(folder: Path | None) -> Path | None:
         if folder.stat().st_mode & _OTHERS_WRITE:
             _warn(f"the cache in {folder.parent} is not used, since others can write to it: {_ADVICE}")
             return None
-        for suffix in CACHE_SUFFIXES:
-            clear_folder(folder, suffix)
+        for _, suffix in CACHES.values():
+            LruFolder(folder, suffix).clear()
         _warn(f"others could write to the cache in {folder.parent}: now only you can, and its content was discarded")
     return folder
+
+
+def claimed_cache(name: str) -> LruFolder | None:
+    """Return a cache of the user after :func:`claim_folder`; None if it is disabled or must not be used."""
+    found = users_cache(name)
+    return None if found is None or claim_folder(found.path) is None else found
 
 
 def is_own(path: Path) -> bool:

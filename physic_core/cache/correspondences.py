@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body.convert.correspondence import CORRESPONDENCE_VERSION, Correspondence, find_correspondence
-from physic_core.cache.claim import claim_folder
-from physic_core.cache.folders import correspondences_folder
-from physic_core.cache.lru_folder import MAP_SUFFIX
+from physic_core.cache.claim import claimed_cache
 from physic_core.errors import OutputError
 from physic_core.files.archive import DamagedFileError, read_archive, write_archive
 
@@ -28,9 +26,9 @@ def cached_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
     Raises:
         BodyModelError: as in :func:`physic_core.body.convert.correspondence.find_correspondence`.
     """
-    folder = claim_folder(correspondences_folder())
-    name = f"{_plain(rest.topology)}-{model.topology}-{_digest(rest, model)}{MAP_SUFFIX}"
-    path = None if folder is None else folder / name
+    kept, path = claimed_cache("correspondences"), None
+    if kept is not None:
+        path = kept.path / f"{_plain(rest.topology)}-{model.topology}-{_digest(rest, model)}{kept.suffix}"
     found = None if path is None else _read(path, model.num_vertices, len(rest.vertices))
     if found is None:
         found = find_correspondence(rest, model)

@@ -9,9 +9,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from physic_core.cache.claim import claim_folder
-from physic_core.cache.folders import hashes_folder
-from physic_core.cache.lru_folder import HASH_SUFFIX, mark_used, trim_folder
+from physic_core.cache.claim import claimed_cache
 from physic_core.errors import OutputError
 from physic_core.files.atomic import atomic_write
 
@@ -34,7 +32,7 @@ def remembered_sha256(path: Path) -> str:
     with path.open("rb") as file:
         status = os.fstat(file.fileno())
         stamp = f"{status.st_dev} {status.st_ino} {status.st_size} {status.st_mtime_ns} {status.st_ctime_ns}"
-        name = hashlib.sha256(f"{path.resolve()} {stamp}".encode()).hexdigest()[:32] + HASH_SUFFIX
+        name = hashlib.sha256(f"{path.resolve()} {stamp}".encode()).hexdigest()[:32]
         found = _known.get(name) or _read(name)
         if found is None:
             found = hashlib.file_digest(file, "sha256").hexdigest()
@@ -45,22 +43,23 @@ def remembered_sha256(path: Path) -> str:
 
 
 def _read(name: str) -> str | None:
-    folder = claim_folder(hashes_folder())
-    if folder is None:
+    kept = claimed_cache("hashes")
+    if kept is None:
         return None
     try:
-        text = (folder / name).read_text("ascii")
+        text = (kept.path / f"{name}{kept.suffix}").read_text("ascii")
     except (OSError, ValueError):
         return None
-    mark_used(folder / name)
+    kept.mark_used(f"{name}{kept.suffix}")
     return text if re.fullmatch("[0-9a-f]{64}", text) else None
 
 
 def _write(name: str, sha256: str) -> None:
-    folder = claim_folder(hashes_folder())
+    kept = claimed_cache("hashes")
     with suppress(OSError, OutputError):  # it can be computed again
-        if folder is not None:
-            with atomic_write(folder, durable=False) as temporary:
-                temporary(name).touch(mode=0o600)
-                temporary(name).write_text(sha256, "ascii")
-            trim_folder(folder, _MAX_BYTES, HASH_SUFFIX)
+        if kept is not None:
+            with atomic_write(kept.path, durable=False) as temporary:
+                part = temporary(f"{name}{kept.suffix}")
+                part.touch(mode=0o600)
+                part.write_text(sha256, "ascii")
+            kept.trim(_MAX_BYTES)

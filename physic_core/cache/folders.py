@@ -6,6 +6,8 @@ import os
 import sys
 from pathlib import Path
 
+from physic_core.cache.lru_folder import LruFolder
+
 CACHE_VARIABLE = "PHYSIC_CACHE"
 """Environment variable with the folder of all caches, or "off"."""
 
@@ -35,26 +37,18 @@ def cache_folder(name: str, variable: str = "") -> Path | None:
     return Path(base) / "physic" / name
 
 
-def results_folder() -> Path | None:
-    """Return the cache folder of backend results; None if disabled."""
-    return _folder("answers")
+CACHES = {
+    "results": ("results", ".result.npz"),
+    "correspondences": ("maps", ".map.npz"),
+    "graphs": ("graphs", ".graph.onnx"),
+    "hashes": ("hashes", ".sha256"),
+}
+"""Folder and suffix of each cache: results of backends, correspondences of meshes, optimised graphs of networks, and
+SHA-256s of the user's files."""
 
 
-def correspondences_folder() -> Path | None:
-    """Return the cache folder of mesh correspondences; None if disabled."""
-    return _folder("maps")
-
-
-def graphs_folder() -> Path | None:
-    """Return the cache folder of optimised graphs of networks; None if disabled."""
-    return _folder("graphs")
-
-
-def hashes_folder() -> Path | None:
-    """Return the cache folder of SHA-256s of the user's files; None if disabled."""
-    return _folder("hashes")
-
-
-def _folder(name: str) -> Path | None:
+def users_cache(name: str) -> LruFolder | None:
+    """Return a cache of :data:`CACHES`; None if it is disabled."""
+    folder, suffix = CACHES[name]
     root = cache_folder("", CACHE_VARIABLE)
-    return None if root is None else root / name
+    return None if root is None else LruFolder(root / folder, suffix)

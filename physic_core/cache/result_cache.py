@@ -4,7 +4,7 @@ The key is a digest of everything that can change a result: the inputs; the back
 version, code, required libraries, options, device, files in the options, and its ``fingerprint``); and the version of
 its interface. If you change one backend, only it and the backends whose inputs change run again.
 
-The folder is ``$XDG_CACHE_HOME/physic/answers``, or the system's default cache folder. Set ``PHYSIC_CACHE`` to another
+The folder is ``$XDG_CACHE_HOME/physic/results``, or the system's default cache folder. Set ``PHYSIC_CACHE`` to another
 folder, or to "off".
 """
 
@@ -23,12 +23,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from physic_core import types
-from physic_core.cache.claim import claim_folder
+from physic_core.cache.claim import claimed_cache
 from physic_core.cache.code import CodeDigester
 from physic_core.cache.digest import Digester
 from physic_core.cache.file_hashes import remembered_sha256
-from physic_core.cache.folders import results_folder
-from physic_core.cache.lru_folder import RESULT_SUFFIX, mark_used, trim_folder
+from physic_core.cache.folders import CACHES
+from physic_core.cache.lru_folder import LruFolder
 from physic_core.discovery.plugins import required_versions
 from physic_core.errors import OutputError
 from physic_core.files.archive import DamagedFileError, join_arrays, read_archive, split_arrays, write_archive
@@ -94,6 +94,7 @@ class ResultCache:
             code: computes digests of the backends' source code.
         """
         self.notes: list[str] = []
+        self._files = LruFolder(folder, CACHES["results"][1])
         self._folder = folder
         self._limit = limit
         self._written = False
@@ -104,8 +105,8 @@ class ResultCache:
     @classmethod
     def in_users_folder(cls, megabytes: int, code: CodeDigester | None = None) -> ResultCache | None:
         """Open the cache in the user's cache folder; None if it is disabled, or belongs to another user."""
-        folder = claim_folder(results_folder())
-        return None if folder is None else cls(folder, megabytes * 1_000_000, code)
+        kept = claimed_cache("results")
+        return None if kept is None else cls(kept.path, megabytes * 1_000_000, code)
 
     def key(self, backend: Backend, who: Provenance, device: str, inputs: tuple[object, ...]) -> CacheKey | None:
         """Compute the cache key of a backend call; None if results of this backend are not cached.
@@ -131,7 +132,7 @@ class ResultCache:
             name = self._digester.digest(_VERSION, parts, inputs)
         except TypeError:
             return None
-        return CacheKey(f"{who.interface}-{_plain(who.backend)}-{name}{RESULT_SUFFIX}", parts)
+        return CacheKey(f"{who.interface}-{_plain(who.backend)}-{name}{self._files.suffix}", parts)
 
     def read(self, key: CacheKey) -> object | None:
         """Read a cached result; None if the cache has none. Delete a file that is damaged or has another key."""
@@ -140,13 +141,13 @@ class ResultCache:
             arrays, document = read_archive(path)
             if document["name"] != key.name:
                 raise DamagedFileError(f"it is a copy of {document['name']}")
-            result: object = _unpack(arrays, document["answer"])
+            result: object = _unpack(arrays, document["result"])
         except OSError:
             return None
         except Exception as error:  # any error of a dataclass that gets unexpected fields
             self.discard(key, str(error))
             return None
-        mark_used(path)
+        self._files.mark_used(key.name)
         return result
 
     def discard(self, key: CacheKey, why: str) -> None:
@@ -154,10 +155,11 @@ class ResultCache:
         path = self._folder / key.name
         try:
             path.rmdir() if path.is_dir() and not path.is_symlink() else path.unlink(missing_ok=True)
-            self.notes.append(f"a damaged file of the cache was dropped and its answer computed again: {path} ({why})")
+            self.notes.append(f"discarded a damaged cache file, and computed its result again: {path} ({why})")
         except OSError as error:
-            end = f"remove it yourself, for it cannot be removed from here: {error.strerror}"
-            self.notes.append(f"the cache holds what is not its own: {path} ({why}); {end}")
+            self.notes.append(
+                f"cannot remove a damaged cache file: {path} ({why}): {error.strerror}; remove it yourself"
+            )
 
     def write(self, key: CacheKey, result: object) -> None:
         """Write a result to the cache if its types can be stored; a disk error only adds a note."""
@@ -167,16 +169,16 @@ class ResultCache:
             return
         if sum(array.nbytes for array in arrays.values()) > min(self._limit, MAX_ARRAY_BYTES // 2):
             return
-        document = {"name": key.name, "answer": document, "backend": key.backend}
+        document = {"name": key.name, "result": document, "backend": key.backend}
         try:
             write_archive(self._folder / key.name, arrays, document, stored=_STORED)
             self._written = True
         except (OSError, OutputError) as error:
             if (self._folder / key.name).is_dir():  # it blocks only this file
-                note = f"an answer of a backend cannot be kept: {error}"
+                note = f"a result of a backend cannot be cached: {error}"
             else:
-                cure = "name another folder in PHYSIC_CACHE, or switch it off"
-                note = f"answers of backends cannot be kept: {error}; {cure}"
+                cure = "set PHYSIC_CACHE to another folder, or to off"
+                note = f"results of backends cannot be cached: {error}; {cure}"
             if note not in self.notes:
                 self.notes.append(note)
 
@@ -184,7 +186,7 @@ class ResultCache:
         """Delete the least recently used files beyond the size limit, and release the inputs of this run."""
         self._digester = Digester()
         if self._written:
-            trim_folder(self._folder, self._limit)
+            self._files.trim(self._limit)
             self._written = False
 
 

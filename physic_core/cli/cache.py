@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from physic_core.cache.folders import correspondences_folder, graphs_folder, hashes_folder
+from physic_core.cache.folders import CACHE_VARIABLE, CACHES, users_cache
 from physic_core.cli.output import echo
 from physic_core.errors import ConfigError
 
 if TYPE_CHECKING:
-    from physic_core.cache.lru_folder import CacheFile
+    from physic_core.cache.lru_folder import CacheFile, LruFolder
+
+_NAMES = {
+    "results": ("result", "results"),
+    "correspondences": ("mesh correspondence", "mesh correspondences"),
+    "graphs": ("optimised network", "optimised networks"),
+    "hashes": ("file hash", "file hashes"),
+}
 
 
 @click.group()
@@ -25,42 +31,32 @@ def cache() -> None:
 @cache.command()
 def info() -> None:
     """Print the cache folders, and the number and size of cached files for each backend."""
-    from physic_core.cache.lru_folder import list_files
-
-    folder = _folder()
-    files = list_files(folder)
-    echo(f"{folder}: {_sum(files)}")
-    for line in _by_backend(files):
-        echo(line)
-    for place, suffix, what in _other_caches():
-        if files := list_files(place, suffix):
-            echo(f"{place}: {_sum(files, what)}")
+    for name, kept in _caches().items():
+        files = kept.files()
+        if files or name == "results":
+            echo(f"{kept.path}: {_sum(files, name)}")
+        for line in _by_backend(files) if name == "results" else ():
+            echo(line)
 
 
 @cache.command()
 def clear() -> None:
     """Delete all cached files and print what was deleted; results of runs are kept."""
-    from physic_core.cache.lru_folder import clear_folder as remove
-
-    folder = _folder()
-    files = remove(folder)
-    for line in _by_backend(files):
-        echo(line)
-    echo(f"removed {_sum(files)} from {folder}")
-    for place, suffix, what in _other_caches():
-        if files := remove(place, suffix):
-            echo(f"removed {_sum(files, what)} from {place}")
+    for name, kept in _caches().items():
+        files = kept.clear()
+        for line in _by_backend(files) if name == "results" else ():
+            echo(line)
+        if files or name == "results":
+            echo(f"removed {_sum(files, name)} from {kept.path}")
 
 
-def _folder() -> Path:
-    from physic_core.cache.folders import CACHE_VARIABLE, results_folder
-
-    folder = results_folder()
-    if folder is None:
+def _caches() -> dict[str, LruFolder]:
+    found = {name: kept for name in CACHES if (kept := users_cache(name)) is not None}
+    if not found:
         raise ConfigError(
             f"the cache is switched off by the environment variable {CACHE_VARIABLE}: unset it to see the cache"
         )
-    return folder
+    return found
 
 
 def _by_backend(files: Iterable[CacheFile]) -> list[str]:
@@ -76,20 +72,8 @@ def _by_backend(files: Iterable[CacheFile]) -> list[str]:
     ]
 
 
-def _other_caches() -> list[tuple[Path, str, tuple[str, str]]]:
-    """Return folder, file suffix, and singular and plural name of the other caches."""
-    from physic_core.cache.lru_folder import GRAPH_SUFFIX, HASH_SUFFIX, MAP_SUFFIX
-
-    kinds = (
-        (correspondences_folder(), MAP_SUFFIX, ("map between bodies", "maps between bodies")),
-        (graphs_folder(), GRAPH_SUFFIX, ("optimised network", "optimised networks")),
-        (hashes_folder(), HASH_SUFFIX, ("hash of a file", "hashes of files")),
-    )
-    return [(place, suffix, names) for place, suffix, names in kinds if place is not None]
-
-
-def _sum(files: list[CacheFile], names: tuple[str, str] = ("answer", "answers")) -> str:
-    return f"{len(files)} {names[len(files) != 1]}, {_size(files)}"
+def _sum(files: list[CacheFile], name: str) -> str:
+    return f"{len(files)} {_NAMES[name][len(files) != 1]}, {_size(files)}"
 
 
 def _size(files: Iterable[CacheFile]) -> str:

@@ -81,7 +81,7 @@ def write_page(folder: Path, result: Reconstruction) -> None:
 
 
 def write_cache(folder: Path, result: Reconstruction) -> None:
-    write_archive(folder / "a.answer.npz", {"image": result.image}, {"seed": mark(result)})
+    write_archive(folder / "a.result.npz", {"image": result.image}, {"seed": mark(result)})
 
 
 def export(folder: Path, result: Reconstruction) -> None:

@@ -15,7 +15,7 @@ from physic_core.types import DepthMap
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="this system has no modes of files")
 
-KEY = CacheKey("metric_depth-a-0.answer.npz", {})
+KEY = CacheKey("metric_depth-a-0.result.npz", {})
 ANSWER = DepthMap(np.ones((6, 8), np.float32))
 
 
@@ -45,7 +45,7 @@ def test_folders_and_files_are_for_their_user_alone_whatever_the_umask(root: Pat
     assert {path.name: oct(path.stat().st_mode & 0o777) for path in made} == {
         "new": "0o700",
         "cache": "0o700",
-        "answers": "0o700",
+        "results": "0o700",
         KEY.name: "0o600",
     }
 
@@ -55,12 +55,12 @@ def test_a_folder_that_others_could_write_is_narrowed_and_emptied(
     root: Path, mode: int, caplog: pytest.LogCaptureFixture
 ):
     opened(root).write(KEY, ANSWER)
-    (root / "answers" / "mine.txt").write_text("not theirs")
-    (root / "answers").chmod(mode)
+    (root / "results" / "mine.txt").write_text("not theirs")
+    (root / "results").chmod(mode)
     for _ in range(2):
         assert opened(root).read(KEY) is None
-    assert [path.name for path in (root / "answers").iterdir()] == ["mine.txt"]
-    assert (root / "answers").stat().st_mode & 0o777 == 0o700
+    assert [path.name for path in (root / "results").iterdir()] == ["mine.txt"]
+    assert (root / "results").stat().st_mode & 0o777 == 0o700
     assert caplog.messages == [
         f"others could write to the cache in {root}: now only you can, and its content was discarded"
     ]
@@ -86,8 +86,8 @@ def test_the_cache_of_another_user_is_not_used(
     opened(root).write(KEY, ANSWER)
     monkeypatch.setattr(os, "geteuid", lambda: root.stat().st_uid + 1)
     assert ResultCache.in_users_folder(1) is None
-    assert claim_folder(root / "answers") is None
+    assert claim_folder(root / "results") is None
     assert caplog.messages == [
         f"the cache in {root} is not used, since it belongs to another user: name a folder of your own in PHYSIC_CACHE"
     ]
-    assert (root / "answers" / KEY.name).is_file()
+    assert (root / "results" / KEY.name).is_file()

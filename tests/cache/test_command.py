@@ -25,7 +25,7 @@ print(sorted({m.partition(".")[0] for m in sys.modules} & {"numpy", "torch", "sc
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path / "kept"))
-    return tmp_path / "kept" / "answers"
+    return tmp_path / "kept" / "results"
 
 
 def fill(folder: Path) -> None:
@@ -36,7 +36,7 @@ def fill(folder: Path) -> None:
         ("inpainter-navier-stokes-02", 1_000),
         ("segmenter-my_plugin_MyMasks-03", 60_000),
     ):
-        (folder / f"{name}.answer.npz").write_bytes(bytes(size))
+        (folder / f"{name}.result.npz").write_bytes(bytes(size))
     (folder / "mine.npz").write_text("not theirs")
 
 
@@ -53,14 +53,14 @@ TABLE = (
 
 def test_info_prints_the_folder_and_its_content(folder: Path):
     fill(folder)
-    assert physic("info").output == f"{folder}: 4 answers, 1.4 MB\n{TABLE}"
+    assert physic("info").output == f"{folder}: 4 results, 1.4 MB\n{TABLE}"
 
 
 def test_clear_removes_all_entries_and_lists_them(folder: Path):
     fill(folder)
-    assert physic("clear").output == f"{TABLE}removed 4 answers, 1.4 MB from {folder}\n"
+    assert physic("clear").output == f"{TABLE}removed 4 results, 1.4 MB from {folder}\n"
     assert [path.name for path in folder.iterdir()] == ["mine.npz"]
-    assert physic("clear").output == f"removed 0 answers, 0.0 MB from {folder}\n"
+    assert physic("clear").output == f"removed 0 results, 0.0 MB from {folder}\n"
 
 
 def test_the_other_caches_are_listed_and_removed_too(folder: Path):
@@ -70,10 +70,10 @@ def test_the_other_caches_are_listed_and_removed_too(folder: Path):
         (folder.parent / name / file).write_bytes(bytes(3_000_000))
         (folder.parent / name / "mine.onnx").write_text("not theirs")
     printed = [
-        f"{folder}: 0 answers, 0.0 MB",
-        f"{folder.parent / 'maps'}: 1 map between bodies, 3.0 MB",
+        f"{folder}: 0 results, 0.0 MB",
+        f"{folder.parent / 'maps'}: 1 mesh correspondence, 3.0 MB",
         f"{folder.parent / 'graphs'}: 1 optimised network, 3.0 MB",
-        f"{folder.parent / 'hashes'}: 1 hash of a file, 3.0 MB",
+        f"{folder.parent / 'hashes'}: 1 file hash, 3.0 MB",
     ]
     assert physic("info").output.splitlines() == printed
     assert len(physic("clear").output.splitlines()) == 4
@@ -92,4 +92,4 @@ def test_a_cache_that_is_switched_off_is_an_error(command: str, monkeypatch: pyt
 
 def test_looking_into_the_cache_imports_nothing_heavy(folder: Path):
     done = subprocess.run([sys.executable, "-c", LIGHT], capture_output=True, text=True, timeout=120, check=True)
-    assert done.stdout == f"{folder}: 0 answers, 0.0 MB\n[]\n"
+    assert done.stdout == f"{folder}: 0 results, 0.0 MB\n[]\n"

@@ -93,7 +93,7 @@ def a_giant_in_the_archive(path: Path) -> None:
 
 def fields_of_another_class(path: Path) -> None:
     arrays, document = read_archive(path)
-    document["answer"]["class"] = "Hands"
+    document["result"]["class"] = "Hands"
     write_archive(path, arrays, document)
 
 
@@ -120,7 +120,7 @@ def test_a_damaged_file_is_dropped_and_made_anew(tool: ModuleType, tmp_path: Pat
     damage(path)
     assert cache.read(asked) is None
     (note,) = cache.notes
-    assert note.startswith(f"a damaged file of the cache was dropped and its answer computed again: {path} (")
+    assert note.startswith(f"discarded a damaged cache file, and computed its result again: {path} (")
     assert list(tmp_path.iterdir()) == []
     cache.write(asked, answer)
     assert Digester().digest(cache.read(asked)) == Digester().digest(answer)
@@ -133,12 +133,10 @@ def test_a_folder_with_files_in_it_is_left_alone_and_named(tool: ModuleType, tmp
     (path / "mine.txt").write_text("mine")
     assert cache.read(asked) is None
     (note,) = cache.notes
-    assert note.startswith(
-        f"the cache holds what is not its own: {path} (it is not a regular file); remove it yourself"
-    )
+    assert note.startswith(f"cannot remove a damaged cache file: {path} (it is not a regular file): ")
     cache.write(asked, tool.one_of_each()["metric_depth"])
     assert cache.notes[1:] == [
-        f"an answer of a backend cannot be kept: cannot write {path}: a folder has this name; "
+        f"a result of a backend cannot be cached: cannot write {path}: a folder has this name; "
         "remove it, or move it away"
     ]
     assert (path / "mine.txt").read_text() == "mine"

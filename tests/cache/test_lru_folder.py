@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from physic_core.cache import lru_folder as shelf
 from physic_core.cache.folders import cache_folder
+from physic_core.cache.lru_folder import LruFolder
 
 
 def put(folder: Path, name: str, size: int, age_s: float) -> Path:
@@ -22,10 +22,14 @@ def put(folder: Path, name: str, size: int, age_s: float) -> Path:
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     for i in range(4):
-        put(tmp_path, f"{i}.answer.npz", 100, 50 - i)
+        put(tmp_path, f"{i}.result.npz", 100, 50 - i)
     put(tmp_path, "reconstruction.npz", 1000, 99)
     put(tmp_path, "notes.txt", 1000, 99)
     return tmp_path
+
+
+def cache_in(folder: Path) -> LruFolder:
+    return LruFolder(folder, ".result.npz")
 
 
 def names(folder: Path) -> list[str]:
@@ -33,36 +37,36 @@ def names(folder: Path) -> list[str]:
 
 
 def test_files_are_listed_from_the_least_recently_used(folder: Path):
-    shelf.mark_used(folder / "0.answer.npz")
-    assert [(file.path.name, file.size) for file in shelf.list_files(folder)] == [
-        (f"{i}.answer.npz", 100) for i in (1, 2, 3, 0)
+    cache_in(folder).mark_used("0.result.npz")
+    assert [(file.path.name, file.size) for file in cache_in(folder).files()] == [
+        (f"{i}.result.npz", 100) for i in (1, 2, 3, 0)
     ]
 
 
 @pytest.mark.parametrize(("limit", "left"), [(400, 4), (399, 3), (200, 2), (0, 0)])
 def test_the_longest_unused_go_until_the_rest_fits(folder: Path, limit: int, left: int):
-    shelf.trim_folder(folder, limit)
-    assert names(folder) == [*(f"{i}.answer.npz" for i in range(4 - left, 4)), "notes.txt", "reconstruction.npz"]
+    cache_in(folder).trim(limit)
+    assert names(folder) == [*(f"{i}.result.npz" for i in range(4 - left, 4)), "notes.txt", "reconstruction.npz"]
 
 
 def test_files_of_a_dead_writer_are_deleted_and_those_of_a_live_one_stay(folder: Path):
-    put(folder, ".9.answer.npz.0a.physic-part", 10, 4000)
-    put(folder, ".8.answer.npz.0b.physic-part", 10, 4)
+    put(folder, ".9.result.npz.0a.physic-part", 10, 4000)
+    put(folder, ".8.result.npz.0b.physic-part", 10, 4)
     put(folder, ".scene.glb.0c.physic-part", 10, 4000)
-    in_parts = folder / ".7.answer.npz.0d.physic-part"
+    in_parts = folder / ".7.result.npz.0d.physic-part"
     in_parts.mkdir()
     put(in_parts, "part", 10, 4000)
     os.utime(in_parts, (0, 0))
-    shelf.trim_folder(folder, 1000)
+    cache_in(folder).trim(1000)
     assert [name for name in names(folder) if name.startswith(".")] == [
-        ".8.answer.npz.0b.physic-part",
+        ".8.result.npz.0b.physic-part",
         ".scene.glb.0c.physic-part",
     ]
 
 
 def test_clearing_removes_the_kept_and_nothing_else(folder: Path):
-    put(folder, ".8.answer.npz.0b.physic-part", 10, 4)
-    assert [file.path.name for file in shelf.clear_folder(folder)] == [f"{i}.answer.npz" for i in range(4)]
+    put(folder, ".8.result.npz.0b.physic-part", 10, 4)
+    assert [file.path.name for file in cache_in(folder).clear()] == [f"{i}.result.npz" for i in range(4)]
     assert names(folder) == ["notes.txt", "reconstruction.npz"]
 
 

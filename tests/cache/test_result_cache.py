@@ -47,7 +47,7 @@ def _old_code(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    return tmp_path / "answers"
+    return tmp_path / "results"
 
 
 @pytest.fixture
@@ -192,16 +192,16 @@ def test_a_disk_that_cannot_be_written_costs_one_note(tmp_path: Path):
         cache.write(ask(cache), ANSWER)
         assert cache.read(ask(cache)) is None
     (note,) = cache.notes
-    assert note.startswith("answers of backends cannot be kept: ")
+    assert note.startswith("results of backends cannot be cached: ")
     assert note.endswith("; name another folder in PHYSIC_CACHE, or switch it off")
     cache.trim()
     assert (tmp_path / "file").read_text() == ""
 
 
-def test_an_answer_larger_than_the_whole_cache_is_not_written(tmp_path: Path):
-    cache = ResultCache(tmp_path / "answers", 100)
+def test_a_result_larger_than_the_whole_cache_is_not_written(tmp_path: Path):
+    cache = ResultCache(tmp_path / "results", 100)
     cache.write(ask(cache), ANSWER)
-    assert not (tmp_path / "answers").exists()
+    assert not (tmp_path / "results").exists()
 
 
 def test_the_run_that_wrote_makes_room(tmp_path: Path):
@@ -230,7 +230,7 @@ from physic_core.types import Hands
 cache = ResultCache(Path(sys.argv[1]), 40_000)
 for i in range(120):
     k = i % 12
-    question = CacheKey(f"hand_estimator-x-{k:040x}.answer.npz", {})
+    question = CacheKey(f"hand_estimator-x-{k:040x}.result.npz", {})
     answer = cache.read(question)
     if answer is None:
         cache.write(question, Hands(np.full((2, 2, 15, 3), k, np.float32), np.ones((2, 2), np.float32)))
@@ -248,7 +248,7 @@ def test_many_processes_may_read_write_and_make_room_at_once(tmp_path: Path):
         for _ in range(3)
     ]
     assert [(process.communicate(timeout=300)[0], process.returncode) for process in running] == [("[]\n", 0)] * 3
-    assert all(path.name.endswith(".answer.npz") for path in tmp_path.iterdir())
+    assert all(path.name.endswith(".result.npz") for path in tmp_path.iterdir())
     assert sum(path.stat().st_size for path in tmp_path.iterdir()) <= 40_000
     assert all(isinstance(answer, Hands) for answer in map(_answer, tmp_path.iterdir()))
 

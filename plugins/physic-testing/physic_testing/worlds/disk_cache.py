@@ -16,7 +16,7 @@ from typing import TypeVar
 
 from physic_core import body
 from physic_core.cache.folders import cache_folder
-from physic_core.cache.lru_folder import mark_used, trim_folder
+from physic_core.cache.lru_folder import LruFolder
 from physic_core.errors import OutputError
 from physic_core.files.archive import DamagedFileError, join_arrays, read_archive, split_arrays, write_archive
 
@@ -78,14 +78,14 @@ def _load(path: Path, kind: type[T], classes: Iterable[type]) -> T | None:
         thing = join_arrays(*read_archive(path), classes)
     except (OSError, DamagedFileError, KeyError, TypeError):
         return None  # missing or damaged: the caller rebuilds it
-    mark_used(path)
+    LruFolder(path.parent, _SUFFIX).mark_used(path.name)
     return thing if isinstance(thing, kind) else None
 
 
 def _save(where: Path, name: str, thing: object) -> None:
     """Write a cache entry and delete old ones."""
     write_archive(where / name, *split_arrays(thing))
-    trim_folder(where, MAX_BYTES, _SUFFIX)
+    LruFolder(where, _SUFFIX).trim(MAX_BYTES)
 
 
 @cache
