@@ -34,7 +34,7 @@ from physic_core.visual.palette import (
 from physic_core.visual.rig import Rig, rigs
 from physic_core.visual.surface import SceneMesh, depth_limit, mesh_scene, unit_normals
 from physic_core.visual.textures.dressed import dressed_bodies, dressed_images, image_of_vertices
-from physic_core.visual.textures.pictures import encode_jpeg
+from physic_core.visual.textures.pictures import encode_image
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -211,8 +211,8 @@ def add_dressed(glb: GlbBuilder, index: int, request: ExportRequest) -> Look:
     dressed, name, person = dressed_bodies(request.result), f"person_{index}", request.result.people[index]
     if dressed.mesh is not None:
         touched = painted_contact(person, request.result.contact_partners)
-        contact = encode_jpeg(image_of_vertices(touched, _CONTACT_TEXELS))
-        photo = encode_jpeg(dressed_images(request.result)[index])
+        contact = encode_image(image_of_vertices(touched, _CONTACT_TEXELS), "JPEG")
+        photo = encode_image(dressed_images(request.result)[index], "JPEG")
         return photo_look(glb, name, photo, (contact, "image/jpeg"), dressed.mesh, dressed.shown[index])
     linear = np.ones((len(person.vertices), 4))
     linear[:, :3] = linear_from_srgb(dressed.colors[index])

@@ -1,29 +1,14 @@
-"""Textures of bodies: the photo's colours where it shows the body, a marked fill elsewhere."""
+"""Texture coordinates of bodies, and the texels of their triangles."""
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from physic_core import ExportRequest, Reconstruction
 from physic_core.body import load_body
-from physic_core.errors import BodyModelError, InputError
-from physic_core.visual.export.request import export_frame
-from physic_core.visual.textures.bodies import textured_bodies
+from physic_core.errors import BodyModelError
 from physic_core.visual.textures.coordinates import load_texture_coordinates, split_at_seams
 from physic_core.visual.textures.raster import rasterize
-
-
-def request_of(result: Reconstruction) -> ExportRequest:
-    frame = export_frame(result.scene.floor, "y")
-    return ExportRequest(result, tuple(range(len(result.people))), frame, "a", ".glb")
-
-
-def pixels_of(result: Reconstruction, points: np.ndarray) -> np.ndarray:
-    spots = points @ result.intrinsics.matrix.T
-    return np.round(spots[:, :2] / spots[:, 2:]).astype(int)
 
 
 def test_split_vertices_keep_the_vertex_of_the_body():
@@ -61,70 +46,3 @@ def test_the_texels_of_a_triangle_are_those_inside():
     u, v = (raster.columns + 0.5) / 8, 1 - (raster.rows + 0.5) / 8
     assert len(u) == 8 * 9 / 2
     np.testing.assert_allclose(raster.interpolate(mesh.faces, mesh.uv), np.stack([u, v], 1), atol=1e-7)
-
-
-def test_a_body_has_the_colour_of_the_photo_where_it_is_seen(result: Reconstruction):
-    """Masks in which each person has one colour, apart from a stripe over their middle."""
-    image = result.image.copy()
-    colors = ([200, 30, 30], [20, 40, 220])
-    for person, color in zip(result.people, colors, strict=True):
-        image[person.mask] = color
-    textured = textured_bodies(request_of(replace(result, image=image)), 256)
-    for index, color in enumerate(colors):
-        texture = textured.textures[index]
-        assert 0.15 < texture.shown < 0.5
-        assert (texture.filled < 128).any()
-        assert (texture.filled > 128).any()
-        np.testing.assert_allclose(texture.image[texture.filled == 0], np.tile(color, ((texture.filled == 0).sum(), 1)))
-        # What the photo does not show is filled with colours of the same person.
-        assert np.abs(texture.image.astype(int) - color).max() <= 3
-        assert np.abs(texture.vertex_colors.astype(int) - color).max() <= 3
-
-
-def test_the_side_away_from_the_camera_is_marked_as_filled(result: Reconstruction):
-    textured = textured_bodies(request_of(result), 256)
-    for index, person in enumerate(result.people):
-        mesh = person.mesh()
-        away = (mesh.vertex_normals * mesh.vertices).sum(1) / np.linalg.norm(mesh.vertices, axis=1)
-        filled = textured.textures[index].vertex_filled
-        assert np.quantile(filled[away > 0.3], 0.02) > 0.95
-        assert np.median(filled[away < -0.8]) < 0.5
-
-
-def test_a_person_without_a_mask_is_filled_everywhere(result: Reconstruction):
-    person = replace(result.people[0], mask=np.zeros_like(result.people[0].mask))
-    textured = textured_bodies(request_of(replace(result, people=(person,))), 128)
-    assert textured.textures[0].shown == 0
-    assert textured.textures[0].filled.min() == 255
-
-
-def test_a_person_of_several_photos_has_the_colours_of_all(result: Reconstruction):
-    """Person 0 is red in the reference, and blue in a photo from behind, which alone shows person 1."""
-    first = replace(result, image=np.full_like(result.image, [200, 30, 30]))
-    hidden = replace(first.people[1], mask=np.zeros_like(first.people[1].mask))
-    first = replace(first, people=(first.people[0], hidden))
-    turn, middle = np.diag([-1.0, 1.0, -1.0]), result.people[0].joints[0].astype(np.float64)
-    seen = {i: replace(person.detection, mask=np.ones_like(person.mask)) for i, person in enumerate(result.people)}
-    behind = replace(
-        first.reference_view("behind.jpg"),
-        image=np.full_like(result.image, [20, 40, 220]),
-        rotation=turn,
-        translation=middle - turn @ middle,
-        people=seen,
-    )
-    several = replace(first, cameras=(first.reference_view("front.jpg"), behind))
-    own, other = textured_bodies(request_of(several), 256).textures.values()
-    assert other.shown > 0.05
-    assert np.abs(other.image.astype(int) - [20, 40, 220]).max() <= 3
-    mesh = several.people[0].mesh()
-    away = (mesh.vertex_normals * mesh.vertices).sum(1) / np.linalg.norm(mesh.vertices, axis=1)
-    shown = own.vertex_filled < 0.01
-    assert shown[away > 0.7].mean() > 0.4
-    np.testing.assert_allclose(own.vertex_colors[shown & (away > 0.5)].mean(0), [20, 40, 220], atol=20)
-    np.testing.assert_allclose(own.vertex_colors[shown & (away < -0.5)].mean(0), [200, 30, 30], atol=20)
-
-
-def test_bodies_of_another_mesh_have_no_texture(result: Reconstruction):
-    person = replace(result.people[0], vertices=result.people[0].vertices[:100])
-    with pytest.raises(InputError, match="do not have the 13348 vertices of its body model"):
-        textured_bodies(request_of(replace(result, people=(person,))), 128)

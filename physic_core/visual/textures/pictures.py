@@ -3,25 +3,16 @@
 from __future__ import annotations
 
 import io
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from physic_core.types import UInt8Array
 
 
-def encode_jpeg(image: UInt8Array) -> bytes:
-    """Return an image as JPEG."""
-    return _encode(image, "JPEG", quality=90)
-
-
-def encode_png(image: UInt8Array) -> bytes:
-    """Return an image as PNG."""
-    return _encode(image, "PNG", optimize=True)
-
-
-def _encode(image: UInt8Array, form: str, **settings: int | bool) -> bytes:
+def encode_image(image: UInt8Array, form: Literal["JPEG", "PNG"]) -> bytes:
+    """Return an image (H, W, 3) or (H, W) as a file."""
     from PIL import Image
 
     buffer = io.BytesIO()
-    Image.fromarray(image).save(buffer, form, **settings)
+    Image.fromarray(image).save(buffer, form, **({"quality": 90} if form == "JPEG" else {"optimize": True}))
     return buffer.getvalue()

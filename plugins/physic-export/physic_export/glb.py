@@ -14,7 +14,7 @@ from physic_core import ExportedFiles, ExportRequest
 from physic_core.visual.glb import Look, body_material, build_glb, glb_notes, photo_look, textured_scene
 from physic_core.visual.palette import BODY_RGB
 from physic_core.visual.rig import rigs
-from physic_core.visual.textures.pictures import encode_jpeg, encode_png
+from physic_core.visual.textures.pictures import encode_image
 from physic_export.bone_names import bone_names
 from physic_export.skins import Skins, skins_of
 from physic_export.t_pose import t_pose
@@ -60,7 +60,7 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
     files = {f"{request.stem}{request.suffix}": glb.content()}
     if options["contact_texture"] and textured is not None:
         for index in request.people:
-            files[f"{request.stem}_contact_{index}.png"] = encode_png(textured.contact_image(result, index))
+            files[f"{request.stem}_contact_{index}.png"] = encode_image(textured.contact_image(result, index), "PNG")
     return ExportedFiles(files, (*colors.notes, *glb_notes(request, skins)))
 
 
@@ -70,8 +70,8 @@ def body_look(glb: GlbBuilder, index: int, colors: Skins) -> Look:
     if textured is None:
         return Look(body_material("body", BODY_RGB))
     texture, mesh = textured.textures[index], textured.mesh
-    contact = encode_png(textured.contact_image(request.result, index)), "image/png"
-    photo, skin = encode_jpeg(texture.image), str(request.options["skin"])
+    contact = encode_image(textured.contact_image(request.result, index), "PNG"), "image/png"
+    photo, skin = encode_image(texture.image, "JPEG"), str(request.options["skin"])
     look = photo_look(glb, f"person_{index}", photo, contact, mesh, texture.shown, skin)
     return replace(look, attributes={**look.attributes, "_FILLED": texture.vertex_filled[mesh.vertex]})
 

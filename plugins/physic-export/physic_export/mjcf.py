@@ -18,7 +18,7 @@ from physic_core.visual.export.floor import drawn_floor
 from physic_core.visual.export.request import camera_pose
 from physic_core.visual.rig import body_of_result
 from physic_core.visual.surface import depth_limit, mesh_scene
-from physic_core.visual.textures.pictures import encode_png
+from physic_core.visual.textures.pictures import encode_image
 from physic_export.balance import ExportedPerson, people_of
 from physic_export.humanoid import body_segments, convex_hull
 from physic_export.meshes import scene_mesh
@@ -162,7 +162,7 @@ def _add_scene(root: ElementTree.Element, request: ExportRequest) -> dict[str, b
         ElementTree.SubElement(world, "geom", shape | _DRAWN)
     plane = next(geom for geom in world if geom.get("name") == "floor")
     plane.set("group", "3")  # it would be drawn in one place with the surface of the scene
-    return {file: encode_png(request.result.scene.colors)}
+    return {file: encode_image(request.result.scene.colors, "PNG")}
 
 
 def _person(

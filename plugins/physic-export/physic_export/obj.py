@@ -9,7 +9,7 @@ import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.visual.palette import BODY_RGB
-from physic_core.visual.textures.pictures import encode_jpeg
+from physic_core.visual.textures.pictures import encode_image
 from physic_export.meshes import ColoredMesh, contact_lines, person_meshes, scene_mesh
 from physic_export.skins import Skins, skins_of
 
@@ -35,7 +35,7 @@ def export_obj(request: ExportRequest) -> ExportedFiles:
     text.write(f"mtllib {request.stem}.mtl\n")
     at = (1, 1)
     if scene is not None and scene.uv is not None:
-        files[f"{request.stem}_scene.jpg"] = encode_jpeg(request.result.scene.colors)
+        files[f"{request.stem}_scene.jpg"] = encode_image(request.result.scene.colors, "JPEG")
         at = _write(text, scene, "scene", scene.uv, scene.faces, at)
     for mesh in person_meshes(request, skins):
         uv, corners = np.zeros((0, 2)), None

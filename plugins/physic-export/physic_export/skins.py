@@ -9,8 +9,8 @@ import numpy as np
 
 from physic_core.errors import PhysicError
 from physic_core.visual.palette import BODY_RGB, contact_colors
-from physic_core.visual.textures.bodies import TexturedBodies, textured_bodies
-from physic_core.visual.textures.pictures import encode_jpeg, encode_png
+from physic_core.visual.textures.pictures import encode_image
+from physic_export.textured_bodies import TexturedBodies, textured_bodies
 
 if TYPE_CHECKING:
     from physic_core import ExportRequest
@@ -53,10 +53,10 @@ class Skins:
             return made
         for index in self.request.people:
             texture = self.textured.textures[index]
-            made[f"{stem}_person_{index}.jpg"] = encode_jpeg(texture.image)
-            made[f"{stem}_person_{index}_filled.png"] = encode_png(texture.filled)
+            made[f"{stem}_person_{index}.jpg"] = encode_image(texture.image, "JPEG")
+            made[f"{stem}_person_{index}_filled.png"] = encode_image(texture.filled, "PNG")
             contact = self.textured.contact_image(self.request.result, index)
-            made[f"{stem}_person_{index}_contact.png"] = encode_png(contact)
+            made[f"{stem}_person_{index}_contact.png"] = encode_image(contact, "PNG")
         return made
 
 

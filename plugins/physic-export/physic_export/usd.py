@@ -16,7 +16,7 @@ from physic_core.visual.export.request import exported_cameras
 from physic_core.visual.palette import BODY_RGB, FLOOR_RGB, contact_legend, linear_from_srgb
 from physic_core.visual.rig import rigs
 from physic_core.visual.surface import depth_limit, mesh_scene, unit_normals
-from physic_core.visual.textures.pictures import encode_jpeg
+from physic_core.visual.textures.pictures import encode_image
 from physic_export.bone_names import bone_names
 from physic_export.meshes import ColoredMesh, person_meshes, scene_mesh
 from physic_export.skins import Skins, skins_of
@@ -137,7 +137,7 @@ def _add_scene(stage: Any, request: ExportRequest) -> dict[str, bytes]:
     _add_uv(made, scene.uv, scene.faces)
     UsdShade.MaterialBindingAPI.Apply(made.GetPrim()).Bind(_add_material(stage, "/physic/looks/scene", picture=name))
     _collide(made, UsdPhysics.Tokens.none)
-    return {name: encode_jpeg(request.result.scene.colors)}
+    return {name: encode_image(request.result.scene.colors, "JPEG")}
 
 
 def _add_floor(stage: Any, request: ExportRequest) -> None:
