@@ -163,14 +163,14 @@ def _state(one: ListedWeights) -> str:
 
 def _details(one: ListedWeights) -> str:
     from physic_core.weights.folders import describe_search_folders
-    from physic_core.weights.locate import format_licence, how_to_get, locate_files
+    from physic_core.weights.locate import locate_files
 
     found, here = one.weights, locate_files(one.weights)
     state = _state(one)
-    lines = [f"weights '{found.name}'", f"  {found.summary}", f"  plugin      {one.origin}", format_licence(found)]
+    lines = [f"weights '{found.name}'", f"  {found.summary}", f"  plugin      {one.origin}", found.describe_licence()]
     lines.append(f"  state       {state}")
     if not state.startswith("here"):
-        lines += [f"  to get it   {how_to_get(found)}", f"  searched    {describe_search_folders(found.name)}"]
+        lines += [f"  to get it   {found.how_to_get()}", f"  searched    {describe_search_folders(found.name)}"]
     elif found.advice:
         lines.append(f"  advice      {found.advice}")
     for file in found.files:

@@ -19,10 +19,8 @@ from physic_core.weights.folders import (
     user_folders,
 )
 from physic_core.weights.lock import locked, record_use
-from physic_core.weights.manifest import HubSource, WeightFile, WeightSet, read_manifest
+from physic_core.weights.manifest import WeightFile, WeightSet, read_manifest
 from physic_core.weights.verify import require_published_sha256
-
-LOGIN = "log in with `hf auth login`, or set HF_TOKEN"
 
 
 @dataclass(frozen=True)
@@ -61,7 +59,7 @@ def locate(manifest: Path, value: str, file: str | None = None) -> Path:
     if weights is not None:
         here = locate_files(weights).files
         advice = (
-            f"move it away, then {how_to_get(weights)}; to use a file of your own, give its path in place of '{value}'"
+            f"move it away, then {weights.how_to_get()}; to use a file of your own, give its path in place of '{value}'"
         )
         for wanted in weights.files:
             if file in (None, wanted.path):
@@ -155,35 +153,6 @@ def size_mismatches(weights: WeightSet) -> str:
     return f"{', '.join(texts)}: `physic weights verify {weights.name}`" if texts else ""
 
 
-def how_to_get(weights: WeightSet) -> str:
-    """Return the command or the advice to get the files of a weight set."""
-    if not any(file.source for file in weights.files):
-        return weights.advice
-    command = f"`physic weights fetch {weights.name}"
-    if weights.is_free:
-        way = f"{command}`"
-    else:
-        why = "an account with access, " if weights.account else ""
-        use = {True: "commercial use allowed", False: "no commercial use", None: "commercial use not stated"}
-        way = f"{command} --accept-licence` ({why}{use[weights.commercial]})"
-    return way if all(file.source for file in weights.files) else f"{way}; {weights.advice}"
-
-
-def format_licence(weights: WeightSet) -> str:
-    """Format the licence of a weight set, and how to get access to it, as lines of text."""
-    use = {True: "is allowed", False: "is NOT allowed", None: "is not stated: read the licence"}
-    lines = [f"  licence     {weights.license}", f"  commercial  use {use[weights.commercial]}"]
-    if weights.account:
-        hub = [f.origin.repository for f in weights.files if isinstance(f.origin, HubSource)]
-        is_gated = len(hub) == len(weights.files)  # else the account is for the files that have no source
-        page = f"https://huggingface.co/{hub[0]}" if is_gated else weights.homepage
-        login = LOGIN if is_gated else "log in there"
-        lines.append(f"  account     needed: request access at {page}, and {login}")
-    if weights.homepage:
-        lines.append(f"  homepage    {weights.homepage}")
-    return "\n".join(lines)
-
-
 def format_size(size: int | None) -> str:
     """Format a number of bytes as in "141 MB"; "" if it is None."""
     if size is None:
@@ -236,7 +205,7 @@ def _describe_missing(weights: WeightSet, missing_paths: list[str]) -> str:
         what = f" lack {', '.join(missing_paths)}"
     else:
         what = " are missing"
-    return f"weights '{weights.name}' ({facts}){what}: {how_to_get(weights)}"
+    return f"weights '{weights.name}' ({facts}){what}: {weights.how_to_get()}"
 
 
 def _path_of_user(manifest: Path, value: str, file: str | None) -> Path:

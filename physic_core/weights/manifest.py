@@ -35,6 +35,8 @@ from pydantic import AfterValidator, ConfigDict, Field, Strict, StrictBool, Type
 from physic_core.discovery.close_names import did_you_mean
 from physic_core.errors import BackendError
 
+LOGIN = "log in with `hf auth login`, or set HF_TOKEN"
+
 _HUB = re.compile(r"hf://([\w.-]+/[\w.-]+)/([^@#?]+)(?:@([\w./-]+))?")
 _WEB = re.compile(r"https?://[^\s/#?]+/[^\s#]*(?:#(.+))?")
 _MAX_SHOWN = 80
@@ -166,6 +168,33 @@ class WeightSet:
     def is_free(self) -> bool:
         """Whether the licence allows commercial use, and no account is required."""
         return self.commercial is True and not self.account
+
+    def how_to_get(self) -> str:
+        """Return the command or the advice to get the files."""
+        if not any(file.source for file in self.files):
+            return self.advice
+        command = f"`physic weights fetch {self.name}"
+        if self.is_free:
+            way = f"{command}`"
+        else:
+            why = "an account with access, " if self.account else ""
+            use = {True: "commercial use allowed", False: "no commercial use", None: "commercial use not stated"}
+            way = f"{command} --accept-licence` ({why}{use[self.commercial]})"
+        return way if all(file.source for file in self.files) else f"{way}; {self.advice}"
+
+    def describe_licence(self) -> str:
+        """Format the licence, and how to get access to the files, as lines of text."""
+        use = {True: "is allowed", False: "is NOT allowed", None: "is not stated: read the licence"}
+        lines = [f"  licence     {self.license}", f"  commercial  use {use[self.commercial]}"]
+        if self.account:
+            hub = [file.origin.repository for file in self.files if isinstance(file.origin, HubSource)]
+            is_gated = len(hub) == len(self.files)  # else the account is for the files that have no source
+            page = f"https://huggingface.co/{hub[0]}" if is_gated else self.homepage
+            login = LOGIN if is_gated else "log in there"
+            lines.append(f"  account     needed: request access at {page}, and {login}")
+        if self.homepage:
+            lines.append(f"  homepage    {self.homepage}")
+        return "\n".join(lines)
 
 
 def read_manifest(path: Path) -> Mapping[str, WeightSet]:

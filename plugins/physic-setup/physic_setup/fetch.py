@@ -10,7 +10,7 @@ from pathlib import Path
 from physic_core.errors import DownloadError
 from physic_core.files.atomic import atomic_write, check_writable
 from physic_core.weights.folders import default_download_folder
-from physic_core.weights.locate import format_licence, locate_files
+from physic_core.weights.locate import locate_files
 from physic_core.weights.lock import locked
 from physic_core.weights.manifest import HubSource, WebSource, WeightFile, WeightSet
 from physic_core.weights.verify import describe_mismatch
@@ -59,7 +59,7 @@ def fetch(
         )
     if not (accept or weights.is_free):
         raise DownloadError(
-            f"'{weights.name}' is not downloaded without --accept-licence:\n{format_licence(weights)}\n"
+            f"'{weights.name}' is not downloaded without --accept-licence:\n{weights.describe_licence()}\n"
             f"to accept the licence: physic weights fetch {weights.name} --accept-licence"
         )
     folder = _folder(to) / weights.name
@@ -153,7 +153,7 @@ def _fetch_file(weights: WeightSet, file: WeightFile, folder: Path, in_hubs_cach
         return
     assert isinstance(origin, WebSource)
     if weights.account:
-        advice = f"{format_licence(weights).strip()}\n{_browser_instructions(target)}"
+        advice = f"{weights.describe_licence().strip()}\n{_browser_instructions(target)}"
     check_writable(target.parent)
     if not origin.member:
         _download(origin.url, target, file, report, advice)

@@ -9,8 +9,7 @@ from typing import Any
 
 from physic_core.errors import DownloadError
 from physic_core.files.atomic import atomic_write
-from physic_core.weights.locate import LOGIN
-from physic_core.weights.manifest import HubSource, WeightFile
+from physic_core.weights.manifest import LOGIN, HubSource, WeightFile
 from physic_core.weights.verify import describe_mismatch
 from physic_setup.web import ByteProgress
 

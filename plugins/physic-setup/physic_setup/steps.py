@@ -16,7 +16,7 @@ from physic_core.discovery.catalog import distribution_for, how_to_install
 from physic_core.errors import BackendNotFoundError
 from physic_core.interfaces import INTERFACES, GpuMemory, Packages, Repository, UserFile
 from physic_core.weights.folders import default_download_folder
-from physic_core.weights.locate import how_to_get, locate_files
+from physic_core.weights.locate import locate_files
 from physic_core.weights.lock import read_lock
 from physic_setup.pins import pin, pin_files
 
@@ -228,7 +228,7 @@ def _restricted_weights(weights: WeightSet) -> SetupStep:
     by_hand = [file.path for file in weights.files if not file.source]
     place = default_download_folder()
     into = (f"put {', '.join(by_hand)} into {place / weights.name}",) if by_hand and place is not None else ()
-    return SetupStep(title, False, by_hand=(f"licence: {weights.homepage}", how_to_get(weights), *into))
+    return SetupStep(title, False, by_hand=(f"licence: {weights.homepage}", weights.how_to_get(), *into))
 
 
 def _code(repositories: list[tuple[str, Repository]], folder: Path) -> SetupStep | None:

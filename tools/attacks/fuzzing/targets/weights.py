@@ -13,7 +13,7 @@ from pathlib import Path
 from fuzzing.mutations import mutate_text
 from fuzzing.target import Target
 from physic_core.errors import BackendError, DownloadError
-from physic_core.weights.locate import format_licence, format_size, how_to_get
+from physic_core.weights.locate import format_size
 from physic_core.weights.manifest import HubSource, WebSource, WeightFile, is_inside, read_manifest
 from physic_setup.fetch import _extract_member
 
@@ -73,8 +73,8 @@ def attack_manifest(data: bytes, folder: Path) -> None:
         ]
         assert (weights.license, weights.commercial) == (tables[name]["license"], tables[name].get("commercial"))
         assert format_size(weights.bytes) is not None
-        assert how_to_get(weights)
-        assert not any(isinstance(file.origin, HubSource) for file in weights.files) or format_licence(weights)
+        assert weights.how_to_get()
+        assert not any(isinstance(file.origin, HubSource) for file in weights.files) or weights.describe_licence()
         assert all(is_inside(file.path) for file in weights.files)
 
 
