@@ -85,7 +85,12 @@ def select_entry_points(
         environment: if it has ``PHYSIC_PLUGINS=a,b``, only distributions of which the name, a package or an entry
             point has one of these names are kept; none if it is empty.
     """
-    names = requested_plugins(environment)
+    from physic_core.discovery.offers import canonicalize_name
+
+    asked = environment.get(PLUGINS_VARIABLE)
+    names = None
+    if asked is not None:
+        names = {canonicalize_name(name.strip()): name.strip() for name in asked.split(",") if name.strip()}
     read = (group,) if names is None else ENTRY_POINT_GROUPS
     if installed is None:
         found = [entry for each in read for entry in entry_points(group=each)]
@@ -93,8 +98,6 @@ def select_entry_points(
         found = [entry for entry in installed if entry.group in read]
     if names is None:
         return found, []
-    from physic_core.discovery.offers import canonicalize_name
-
     kept, fitting = set(), set()
     for entry in found:
         package = module_of(entry).partition(".")[0]
@@ -106,16 +109,6 @@ def select_entry_points(
         [entry for entry in found if entry.group == group and distribution_of(entry) in kept],
         [text for name, text in names.items() if name not in fitting],
     )
-
-
-def requested_plugins(environment: Mapping[str, str]) -> dict[str, str] | None:
-    """Return the names in ``PHYSIC_PLUGINS``, by canonical name, or None if it is not set."""
-    restriction = environment.get(PLUGINS_VARIABLE)
-    if restriction is None:
-        return None
-    from physic_core.discovery.offers import canonicalize_name
-
-    return {canonicalize_name(n.strip()): n.strip() for n in restriction.split(",") if n.strip()}
 
 
 def register_plugins(

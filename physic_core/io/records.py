@@ -9,7 +9,7 @@ from functools import cache
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from physic_core.files.strict_json import from_json
-from physic_core.types import BodyContact, ContactPartner, Grade, Provenance, StageRecord, Support
+from physic_core.types import BodyContact, ContactPartner, Provenance, StageRecord, Support
 
 _Record = TypeVar("_Record")
 
@@ -66,11 +66,6 @@ def from_record_or_none(kind: type[_Record], record: Mapping[str, Any] | None) -
 def from_records(kind: type[_Record], records: Iterable[Mapping[str, Any]] | None) -> tuple[_Record, ...]:
     """Parse a list of records; None is an empty one."""
     return tuple(from_record(kind, record) for record in records or ())
-
-
-def parse_grade(record: Mapping[str, Any]) -> Grade | None:
-    """Parse the ``grade`` of a document or of a person; None if it has none."""
-    return None if record["grade"] is None else Grade(record["grade"])
 
 
 def _key(kind: type, name: str) -> str:

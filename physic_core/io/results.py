@@ -32,7 +32,7 @@ from physic_core.io.document import (
     decode_document,
     parse_skeleton,
 )
-from physic_core.io.records import from_record, from_record_or_none, from_records, parse_grade
+from physic_core.io.records import from_record, from_record_or_none, from_records
 from physic_core.io.result_folder import (
     ARRAYS_FILE,
     DOCUMENT_FILE,
@@ -48,6 +48,7 @@ from physic_core.types import (
     CheckResult,
     ContactPartner,
     Detection,
+    Grade,
     Intrinsics,
     Lens,
     Person,
@@ -262,7 +263,7 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
         notes=tuple(document["notes"]),
         config=from_json(document["config"]),
         checks=from_records(CheckResult, document["checks"]),
-        grade=parse_grade(document),
+        grade=None if document["grade"] is None else Grade(document["grade"]),
         photo=document["photo"],
         unposed=from_records(UnposedPerson, document["unposed"]),
         lens=from_record_or_none(Lens, document["lens"]),
@@ -303,7 +304,7 @@ def _person(record: Mapping[str, Any], index: int, arrays: Mapping[str, NDArray[
         parameters=BodyParameters(**_values(PERSON_ARRAYS, arrays, "parameters.", prefix)),
         failed_checks=tuple(record["failed_checks"]),
         unknown_checks=tuple(record["unknown_checks"]),
-        grade=parse_grade(record),
+        grade=None if record["grade"] is None else Grade(record["grade"]),
         contacts=from_records(BodyContact, record["contacts"]),
         support=from_record_or_none(Support, record["support"]),
         age=record["age"],
