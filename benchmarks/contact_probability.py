@@ -38,7 +38,7 @@ from physic_core.engine.contact.probability import contact_model
 from physic_core.engine.contact.problem import ContactInput, ContactResult
 from physic_core.engine.contact.regions import contact_regions
 from physic_core.engine.presets import DEFAULT
-from physic_core.metrics.matching import match_by_masks
+from physic_core.metrics import match_by_masks
 from physic_core.pipeline import optimise
 from physic_core.pipeline.stage_runner import StageRunner
 from physic_testing.worlds import RAISED_FEET_WORLDS, World, benchmark_worlds, build_world

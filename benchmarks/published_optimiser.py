@@ -18,7 +18,7 @@ import torch
 
 from physic_core.configuration.energies import check_engine_preset, engine_preset
 from physic_core.errors import ConfigError
-from physic_core.metrics.pose import BODY_JOINTS, mpjpe_mm, mpvpe_mm, pa_mpjpe_mm
+from physic_core.metrics import BODY_JOINTS, mpjpe_mm, mpvpe_mm, pa_mpjpe_mm
 from physic_core.pipeline.optimise import run_engine
 from physic_core.pipeline.stage_runner import StageRunner
 

@@ -24,9 +24,7 @@ from typing import Any
 import numpy as np
 
 from physic_core.body import JOINT_INDEX
-from physic_core.metrics.contact_scores import contact_counts, precision_recall_f1
-from physic_core.metrics.matching import match_by_masks
-from physic_core.metrics.pose import mpjpe_mm, pa_mpjpe_mm
+from physic_core.metrics import contact_counts, match_by_masks, mpjpe_mm, pa_mpjpe_mm, precision_recall_f1
 
 NAMES = (
     "group",

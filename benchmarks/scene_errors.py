@@ -22,7 +22,7 @@ from scipy.optimize import isotonic_regression, minimize
 from scipy.spatial.transform import Rotation
 
 from benchmarks.scene import NAMES, SIZE, kept, mock_config, world_seed
-from physic_core.metrics.matching import match_by_masks
+from physic_core.metrics import match_by_masks
 
 TARGET = Path(__file__).parents[1] / "plugins/physic-scene/physic_scene/measured_errors.json"
 VIEWS = 4

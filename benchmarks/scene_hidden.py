@@ -19,7 +19,7 @@ import numpy as np
 import torch
 
 from benchmarks.scene import NAMES, SIZE, kept, mock_config, world_seed
-from physic_core.metrics.matching import match_by_masks
+from physic_core.metrics import match_by_masks
 
 VIEWS = 4
 PHOTOS = (2, 3)

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.metrics.intervals import Figure
-from physic_core.metrics.tables import markdown_table
+from physic_core.metrics import Figure, markdown_table
 from physic_core.types.skeletons import SIDES
 
 from .measures import SCORES, match_boxes, probability_scores

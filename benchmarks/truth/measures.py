@@ -9,8 +9,7 @@ import numpy as np
 
 from physic_bench.joints import bone_lengths, root
 from physic_core.adapters.detections import box_iou
-from physic_core.metrics.matching import assign
-from physic_core.metrics.pose import mpjpe_mm, pa_mpjpe_mm
+from physic_core.metrics import assign, mpjpe_mm, pa_mpjpe_mm
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

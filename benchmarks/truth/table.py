@@ -7,8 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from physic_core.metrics.intervals import Figure
-from physic_core.metrics.tables import markdown_table
+from physic_core.metrics import Figure, markdown_table
 
 from .statistics import Record, Strata, figure, median_of, of_lists, of_sets, pooled
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from physic_core.geometry.free_space import front_depth, in_free_space
-from physic_core.metrics.proximity import hidden_by_depth_map
+from physic_core.metrics import hidden_by_depth_map
 from physic_core.types import Intrinsics
 
 CAMERA = Intrinsics(40.0, 42.0, 15.5, 11.5, 32, 24)

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from physic_core.body import load_body
-from physic_core.metrics.geodesic import distance_to_sources, geodesic_error, surface_graph
+from physic_core.metrics import distance_to_sources, geodesic_error, surface_graph
 
 
 def strip(cells):

@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from physic_core.metrics.intervals import draw_counts, percentile_interval, resampled_interval
-from physic_core.metrics.tables import aligned_table, markdown_table
+from physic_core.metrics import aligned_table, draw_counts, markdown_table, percentile_interval, resampled_interval
 
 
 def mean_of_groups(drawn: list[list[float]]) -> float:

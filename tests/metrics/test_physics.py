@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from physic_core.geometry.mesh import vertex_areas
-from physic_core.metrics.physics import contact_gap, penetration
+from physic_core.metrics import contact_gap, penetration
 
 RADIUS = 0.5
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from physic_core.metrics.pose import align_similarity, mpjpe_mm, mpvpe_mm, pa_mpjpe_mm
+from physic_core.metrics import align_similarity, mpjpe_mm, mpvpe_mm, pa_mpjpe_mm
 
 SEEDS = st.integers(0, 2**32 - 1)
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.metrics.scene import floor_error, scene_error
+from physic_core.metrics import floor_error, scene_error
 from physic_core.types import Plane
 
 ALL = np.ones((6, 8), bool)

@@ -8,7 +8,7 @@ import pytest
 from physic_bench.worlds.consistency import consistency
 from physic_core import load_config, load_reconstruction, reconstruct
 from physic_core.body import load_body
-from physic_core.metrics.pose import pa_mpjpe_mm
+from physic_core.metrics import pa_mpjpe_mm
 from physic_core.types import Keypoints, Skeleton
 from physic_mock.keypoints import KeypointOptions, MockKeypointDetector
 from physic_mock.recognition import match_people, recognise_world

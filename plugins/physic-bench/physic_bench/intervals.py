@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.metrics.intervals import Figure, draw_counts, percentile_interval
+from physic_core.metrics import Figure, draw_counts, percentile_interval
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

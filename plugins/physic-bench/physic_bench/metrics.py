@@ -174,7 +174,7 @@ def _contact_column(rule: str, figure: str) -> Column:
 
 
 def _counts(record: Record, rule: str) -> tuple[float, ...] | None:
-    from physic_core.metrics.contact_scores import ContactCounts, precision_recall_f1
+    from physic_core.metrics import ContactCounts, precision_recall_f1
 
     counts = record.get("contact", {}).get(rule)
     if counts is None:

@@ -15,11 +15,17 @@ from physic_bench.scene_surface import EXACT_WITHIN_M, SceneIndex, contact_by_ru
 from physic_core.adapters.detections import box_iou
 from physic_core.body.joints import JOINT_NAMES
 from physic_core.geometry.rays import RayCaster
-from physic_core.metrics.contact_scores import contact_counts
-from physic_core.metrics.geodesic import geodesic_error, surface_graph
-from physic_core.metrics.matching import assign
-from physic_core.metrics.physics import contact_gap, penetration
-from physic_core.metrics.pose import mpjpe_mm, mpvpe_mm, pa_mpjpe_mm
+from physic_core.metrics import (
+    assign,
+    contact_counts,
+    contact_gap,
+    geodesic_error,
+    mpjpe_mm,
+    mpvpe_mm,
+    pa_mpjpe_mm,
+    penetration,
+    surface_graph,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from physic_bench.intervals import difference, figure
 from physic_bench.metrics import columns_for
-from physic_core.metrics.intervals import Figure
-from physic_core.metrics.tables import aligned_table, markdown_table
+from physic_core.metrics import Figure, aligned_table, markdown_table
 
 if TYPE_CHECKING:
     from physic_bench.metrics import Column

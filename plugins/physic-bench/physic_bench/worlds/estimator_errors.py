@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.metrics.pose import pa_mpjpe_mm
+from physic_core.metrics import pa_mpjpe_mm
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

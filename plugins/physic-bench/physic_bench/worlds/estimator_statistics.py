@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from physic_core.metrics.intervals import Figure, resampled_interval
-from physic_core.metrics.tables import markdown_table
+from physic_core.metrics import Figure, markdown_table, resampled_interval
 
 Record = Mapping[str, Any]
 Records = Sequence[Record]

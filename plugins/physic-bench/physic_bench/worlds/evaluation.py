@@ -1,6 +1,6 @@
 """Metrics of one reconstruction against the ground truth of its world, for every person.
 
-Joint errors use the first 22 SMPL-X joints, pelvis to wrists (:data:`physic_core.metrics.pose.BODY_JOINTS`).
+Joint errors use the first 22 SMPL-X joints, pelvis to wrists (:data:`physic_core.metrics.BODY_JOINTS`).
 :data:`PERSON_METRICS` and :data:`WORLD_METRICS` define all metrics.
 """
 
@@ -17,20 +17,33 @@ from physic_bench.worlds.support_scores import SupportScorer
 from physic_core.body import load_body
 from physic_core.errors import PhysicError
 from physic_core.geometry.mesh import vertex_areas, vertex_normals
-from physic_core.metrics.contact_scores import contact_counts, precision_recall_f1
-from physic_core.metrics.geodesic import geodesic_error, surface_graph
-from physic_core.metrics.matching import match_by_masks
-from physic_core.metrics.physics import contact_gap, penetration
-from physic_core.metrics.pose import BODY_JOINTS, align_similarity, mpjpe_mm, mpvpe_mm, pa_mpjpe_mm
-from physic_core.metrics.proximity import PROXIMITY_RADIUS_M, SignedDistances, hidden_by_depth_map, scene_distance
-from physic_core.metrics.scene import floor_error, scene_error
+from physic_core.metrics import (
+    BODY_JOINTS,
+    PROXIMITY_RADIUS_M,
+    SignedDistances,
+    align_similarity,
+    contact_counts,
+    contact_gap,
+    floor_error,
+    geodesic_error,
+    hidden_by_depth_map,
+    match_by_masks,
+    mpjpe_mm,
+    mpvpe_mm,
+    pa_mpjpe_mm,
+    penetration,
+    precision_recall_f1,
+    scene_distance,
+    scene_error,
+    surface_graph,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
     from scipy.sparse import csr_array
 
     from physic_core.body.model import BodyModel
-    from physic_core.metrics.matching import Matching
+    from physic_core.metrics import Matching
     from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.solution import Solution
     from physic_core.types import BoolArray, FloatArray, Intrinsics, Scene, Support

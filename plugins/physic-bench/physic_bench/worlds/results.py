@@ -19,7 +19,7 @@ from physic_bench.worlds.world_evidence import source_hash
 from physic_core.files.atomic import atomic_write
 from physic_core.files.own import MARK, check_own
 from physic_core.files.strict_json import to_json
-from physic_core.metrics.intervals import DRAWS
+from physic_core.metrics import DRAWS
 
 if TYPE_CHECKING:
     from physic_bench.worlds.run_worlds import BenchmarkJob

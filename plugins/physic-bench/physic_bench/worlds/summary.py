@@ -15,7 +15,7 @@ import numpy as np
 
 from physic_bench.worlds.contact_partners import BINS
 from physic_bench.worlds.evaluation import PERSON_METRICS, WORLD_METRICS
-from physic_core.metrics.intervals import Figure, draw_counts, percentile_interval
+from physic_core.metrics import Figure, draw_counts, percentile_interval
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 from physic_bench.worlds.contact_partners import BINS
 from physic_bench.worlds.paper_results import PAPER_RESULTS
 from physic_bench.worlds.summary import row_difference
-from physic_core.metrics.tables import aligned_table, markdown_table
+from physic_core.metrics import aligned_table, markdown_table
 
 if TYPE_CHECKING:
     from physic_bench.worlds.summary import RowStatistics
-    from physic_core.metrics.intervals import Figure
+    from physic_core.metrics import Figure
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.metrics.contact_scores import contact_scores
-from physic_core.metrics.matching import mask_iou
-from physic_core.metrics.pose import BODY_JOINTS, mpjpe_mm, pa_mpjpe_mm
+from physic_core.metrics import BODY_JOINTS, contact_scores, mask_iou, mpjpe_mm, pa_mpjpe_mm
 from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.truth import (
     comparable_keypoints,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.metrics.matching import mask_iou
+from physic_core.metrics import mask_iou
 from physic_testing.conformance.bias import MIN_UNITS, expect_no_better, expect_no_bias, pixel_shift
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import CheckSkipped, expect
