@@ -3,8 +3,7 @@
     python -m benchmarks.scene_errors OUT --names group walk --seeds 3 4
 
 Writes ``plugins/physic-scene/physic_scene/measured_errors.json``. Results of single photos are kept in OUT, as those of
-``benchmarks.scene``. People have noise of version 4 and other bodies. Photos of one moment differ in exposure and white
-balance by EXPOSURE and WHITE_BALANCE, which are assumed: the worlds' own cameras differ in exposure only.
+``benchmarks.scene``. People have noise of version 4 and other bodies.
 """
 
 from __future__ import annotations
@@ -13,12 +12,12 @@ import argparse
 import itertools
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.optimize import isotonic_regression, minimize
+from scipy.optimize import isotonic_regression
 from scipy.spatial.transform import Rotation
 
 from benchmarks.scene import NAMES, SIZE, kept, mock_config, world_seed
@@ -26,9 +25,6 @@ from physic_core.metrics import match_by_masks
 
 TARGET = Path(__file__).parents[1] / "plugins/physic-scene/physic_scene/measured_errors.json"
 VIEWS = 4
-EXPOSURE = 0.25  # standard deviation of a photo's exposure, stops
-WHITE_BALANCE = 0.08  # of the logarithm of the gains of red and of blue
-KNOTS = 9  # of a cue's table
 BINS = (0.0, 0.2, 0.4, 0.6, 0.84, 1.01)  # of keypoint confidence
 
 
@@ -54,7 +50,6 @@ def main() -> None:
         "source": f"benchmarks/scene_errors.py on worlds {', '.join(given.names)} of seeds "
         f"{', '.join(map(str, given.seeds))}, {VIEWS} views, noise 4, other bodies",
         **_errors(moments),
-        "cues": _cues(moments),
     }
     TARGET.write_text(json.dumps(content, indent=1) + "\n", "utf-8")
     print(TARGET.read_text("utf-8"))
@@ -79,21 +74,12 @@ def _moments(out: Path, names: Sequence[str], seeds: Sequence[int]) -> Iterator[
             for world in worlds:
                 image = world.image
                 result = kept(out / f"{world.name}-{seed}.pkl", lambda image=image: scene.alone(image))
-                rng = np.random.default_rng([seed, len(views)])
-                people = observe(replace(result, image=_other_light(result.image, rng)), model)
+                people = observe(result, model)
                 masks = np.stack([result.people[row].mask for row in people.rows])
                 match = match_by_masks(masks, world.masks, min_iou=0.3)
                 number = dict(zip(match.predicted.tolist(), match.truth.tolist(), strict=True))
                 views.append(View(people, [number.get(i, -1) for i in range(len(people))], world, points))
             yield views
-
-
-def _other_light(image: Any, rng: np.random.Generator) -> Any:
-    """Return a photo (H, W, 3) uint8 of another exposure and white balance."""
-    gain = 2 ** rng.normal(0, EXPOSURE) * np.exp(rng.normal(0, WHITE_BALANCE, 3) * [1, 0, 1])
-    return np.clip(np.round(255 * np.clip((np.asarray(image) / 255) ** 2.2 * gain, 0, 1) ** (1 / 2.2)), 0, 255).astype(
-        np.uint8
-    )
 
 
 def _true_points(worlds: Sequence[Any]) -> Any:
@@ -199,83 +185,6 @@ def _correlation(scaled: Any, cluster: Any) -> float:
 
 def _rounded(values: Any) -> list[float]:
     return [round(float(value), 4) for value in values]
-
-
-# ---- cues of matching ------------------------------------------------------------------------------------------------
-
-
-def _cues(moments: Sequence[list[View]]) -> dict[str, dict[str, list[float]]]:
-    """Return the table of each cue, from people of the same moment and of other moments.
-
-    Cues of looks have causes in common: their LLRs have the weights of a logistic regression.
-    """
-    from physic_scene.matching import look_cues, place_cues, relative_motion
-
-    looks: dict[str, list[Any]] = {"same": [], "near": [], "far": []}
-    places: dict[str, list[Any]] = {"same": [], "near": []}
-    for views in moments:
-        for a, b in itertools.combinations(views, 2):
-            cues, turns = look_cues(a.people, b.people)
-            true = [
-                (i, j, 0.0)
-                for (i, p), (j, q) in itertools.product(enumerate(a.number), enumerate(b.number))
-                if p == q >= 0
-            ]
-            for i, j in np.ndindex(turns.shape[:2]):
-                kind = "same" if a.number[i] == b.number[j] >= 0 else "near"
-                looks[kind].append([values[i, j] for values in cues.values()])
-                # Places: under the motion of the other people.
-                others = [pair for pair in true if pair[0] != i and pair[1] != j]
-                if others:
-                    motion = relative_motion(a.people, b.people, others)
-                    found = place_cues(a.people, b.people, motion, turns)
-                    places[kind].append([values[i, j] for values in found.values()])
-    for one, two in itertools.combinations(moments, 2):
-        values, _ = look_cues(one[0].people, two[1].people)
-        looks["far"] += list(np.stack([value.reshape(-1) for value in values.values()], axis=1))
-    own = {name: np.array(rows) for name, rows in looks.items()}
-    tables = {name: _table(*(own[kind][:, k] for kind in ("same", "near", "far"))) for k, name in enumerate(cues)}
-    weights = _weights([_llrs(own[kind], tables) for kind in ("same", "near", "far")])
-    for table, weight in zip(tables.values(), weights, strict=True):
-        table["llr"] = _rounded(weight * np.array(table["llr"]))
-    near = [np.array(places[kind]) for kind in ("same", "near")]
-    return tables | {name: _table(near[0][:, k], near[1][:, k], near[1][:, k]) for k, name in enumerate(found)}
-
-
-def _llrs(values: Any, tables: dict[str, dict[str, list[float]]]) -> Any:
-    """Return the LLRs (n, K) of cues (n, K); 0 where a cue is missing."""
-    found = [np.interp(column, t["values"], t["llr"]) for column, t in zip(values.T, tables.values(), strict=True)]
-    return np.nan_to_num(np.stack(found, axis=1))
-
-
-def _weights(llrs: Sequence[Any]) -> Any:
-    """Return the weights (K,) of LLRs by logistic regression; the kinds of different people count alike."""
-
-    def loss(weights: Any) -> float:
-        same, near, far = (np.logaddexp(0, s * rows @ weights).mean() for s, rows in zip((-1, 1, 1), llrs, strict=True))
-        return float(same + (near + far) / 2 + 0.01 * np.square(weights - 1).sum())
-
-    count = llrs[0].shape[1]
-    return minimize(loss, np.ones(count), bounds=[(0.0, 1.0)] * count).x
-
-
-def _table(same: Sequence[float], near: Sequence[float], far: Sequence[float]) -> dict[str, list[float]]:
-    """Return the LLR at the knots of a cue: falling, and no surer than the number of pairs allows.
-
-    Different people are half those of the same moment, and half those of other moments.
-    """
-    one, two, three = (np.array(x)[np.isfinite(x)] for x in (same, near, far))
-    edges = np.unique(np.quantile(one, np.linspace(0, 1, KNOTS)))
-    edges = np.concatenate([edges[:-1], [edges[-1], max(edges[-1] * 1.5, np.quantile(three, 0.5))], [np.inf]])
-    edges[0] = 0.0
-
-    def share(values: Any) -> Any:
-        return (np.histogram(values, edges)[0] + 0.5) / (len(values) + 0.5 * (len(edges) - 1))
-
-    ratio = np.log(share(one)) - np.log((share(two) + share(three)) / 2)
-    falling = isotonic_regression(ratio, increasing=False).x
-    middles = np.append((edges[:-2] + edges[1:-1]) / 2, edges[-2])
-    return {"values": _rounded(middles), "llr": _rounded(falling)}
 
 
 if __name__ == "__main__":

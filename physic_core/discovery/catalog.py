@@ -24,6 +24,9 @@ def _owners(offers: Mapping[str, Iterable[str]]) -> dict[str, str]:
 
 _TABLES = _read()
 
+REQUIRES: dict[str, list[str]] = _TABLES["requires"]
+"""Distributions of the project that another one needs beside physic-core."""
+
 CATALOG = _by_distribution(_TABLES["backends"])
 """Backend names by distribution and interface."""
 
@@ -56,11 +59,22 @@ def _names(offers: Mapping[str, tuple[str, ...]], interface: str | None) -> tupl
     return tuple(name for names in offers.values() for name in names)
 
 
+def sources_in_checkout(distribution: str) -> tuple[str, ...]:
+    """Return the folders of a checkout that install a distribution of this project; empty for another one.
+
+    They include the distributions that it requires: until they are released, no index may be asked for their names.
+    """
+    if distribution not in {*CATALOG, *COMMANDS.values(), *ENERGIES.values(), *EXECUTORS.values(), *EXPORTERS}:
+        return ()
+    names = (*REQUIRES.get(distribution, ()), distribution)
+    return tuple(f"{'contrib' if name in _IN_CONTRIB else 'plugins'}/{name}" for name in names)
+
+
 def how_to_install(distribution: str, extra: str = "") -> str:
     """Return the install command of a distribution; distributions of this project are installed from a checkout."""
-    own = distribution in {*CATALOG, *COMMANDS.values(), *ENERGIES.values(), *EXECUTORS.values(), *EXPORTERS}
-    folder = "contrib" if distribution in _IN_CONTRIB else "plugins"
-    source = f"{folder}/{distribution}" if own else distribution
+    *others, source = sources_in_checkout(distribution) or (distribution,)
     if extra:
         source = f"'{source}[{extra}]'"
-    return f"`pip install -e {source}` in a checkout of PhySIC" if own else f"`pip install {source}`"
+    if not sources_in_checkout(distribution):
+        return f"`pip install {source}`"
+    return f"`pip install {' '.join(f'-e {each}' for each in (*others, source))}` in a checkout of PhySIC"

@@ -5,7 +5,6 @@ The three steps are ``estimate.run_backends``, ``optimise.run_engine`` and ``che
 
 from __future__ import annotations
 
-import math
 import threading
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
@@ -17,14 +16,14 @@ from physic_core.configuration.model import as_config
 from physic_core.configuration.resolve import ResolvedPipeline, require_available, resolve, resolve_one
 from physic_core.discovery.plugins import discover
 from physic_core.errors import ConfigError, InputError, PhysicError
-from physic_core.io.photo import Photo, limit_size, photo_path_for_messages, read_source
+from physic_core.io.photo import Photo, photo_path_for_messages, read_source
 from physic_core.pipeline.loaded_backends import LoadedBackends, wrap_plugin_errors
 from physic_core.pipeline.memory_limit import limited_memory
+from physic_core.pipeline.prepared_photo import prepare_photo
 from physic_core.pipeline.sources import describe_sources
 from physic_core.pipeline.stage_runner import StageRunner
 from physic_core.pipeline.time_limit import CONSTRUCTION, READING, limited_calls, timed_call
-from physic_core.types import CameraTrust, Intrinsics, Lens, PeoplePrompt, Person, Reconstruction
-from physic_core.types.main_people import main_people
+from physic_core.types import CameraTrust, Intrinsics, Reconstruction
 
 if TYPE_CHECKING:
     import os
@@ -32,15 +31,14 @@ if TYPE_CHECKING:
     from typing import Any, Self
 
     from physic_core.body.model import BodyModel
-    from physic_core.configuration.model import Config, PhotoSettings
+    from physic_core.configuration.model import Config
     from physic_core.discovery.registry import Registry
     from physic_core.engine.joint.problem import OtherView
     from physic_core.interfaces import Backend
     from physic_core.io.photo import PhotoSource
     from physic_core.pipeline.estimate import Estimates
-    from physic_core.pipeline.solution import Solution
     from physic_core.pipeline.stage_runner import Progress
-    from physic_core.types import CheckResult, KnownSizes
+    from physic_core.types import KnownSizes, PeoplePrompt
 
     Configuration = ResolvedPipeline | Config | Mapping[str, Any] | str | os.PathLike[str] | None
 
@@ -339,21 +337,12 @@ def _reconstruct(
     def load_model() -> BodyModel:
         return load_body(plan.body_model)
 
-    file_size = photo.file_size or photo.image.shape[1::-1]
-    photo = limit_size(_with_camera(photo, plan.photo), plan.photo.max_side)
-    prompt = _prompt(given.people, plan.photo, file_size, photo.image.shape[1::-1])
-    height, width = photo.image.shape[:2]
-    known = plan.photo.known_sizes(given.known).resized(width / file_size[0], height / file_size[1])
-    lens = None
-    if plan.photo.distortion is not None and photo.intrinsics is not None:
-        from physic_core.pipeline.undistort import undistort
-
-        lens = Lens(photo.intrinsics.resized(*file_size), plan.photo.distortion)
-        photo, prompt, known = undistort(photo, prompt, known, lens.distortion)
+    prepared = prepare_photo(photo, plan.photo, given.people, given.known)
+    photo = prepared.photo
     stages.note(*photo.notes)
     with limited_threads(plan.config.run.threads):
         try:
-            chosen = ChosenByUser(prompt, known)
+            chosen = ChosenByUser(prepared.people, prepared.known)
             estimates = run_backends(photo.image, photo.intrinsics, plan, load_model, stages, chosen)
         finally:
             if close:
@@ -363,6 +352,7 @@ def _reconstruct(
                 stages.trim_cache()
     from physic_core.pipeline.checks import run_checks
     from physic_core.pipeline.optimise import run_engine
+    from physic_core.pipeline.reconstruction import build_reconstruction
 
     estimates = replace(estimates, views=given.views)
     estimates = estimates if given.complete is None else given.complete(estimates)
@@ -371,105 +361,9 @@ def _reconstruct(
         checks = run_checks(estimates, solution, plan.engine)
     sources, others = describe_sources(plan, stages.files)
     stages.warn(*others)
-    found = _result(estimates, solution, checks, load_model(), plan.config, stages)
-    return replace(found, lens=lens, diagnostics={**found.diagnostics, **sources})
+    found = build_reconstruction(estimates, solution, checks, load_model(), plan.config, stages)
+    return replace(found, lens=prepared.lens, diagnostics={**found.diagnostics, **sources})
 
 
 _EXTRA_STAGES = 7
 """Number of stages without a backend of their own: second point map, two for the floor, four of the engine."""
-
-
-def _with_camera(photo: Photo, settings: PhotoSettings) -> Photo:
-    """Return the photo with the camera of the config (in px of the file), if the config has one."""
-    height, width = photo.image.shape[:2]
-    file_width, file_height = photo.file_size or (width, height)
-    if settings.intrinsics is not None:
-        given = Intrinsics(*settings.intrinsics, file_width, file_height, trust=CameraTrust.KNOWN)
-    elif settings.focal_px is not None:
-        given = Intrinsics.from_focal(settings.focal_px, file_width, file_height, trust=CameraTrust.KNOWN)
-    else:
-        return photo
-    return replace(photo, intrinsics=given.resized(width, height))
-
-
-def _prompt(
-    people: PeoplePrompt | None, settings: PhotoSettings, file_size: tuple[int, int], size: tuple[int, int]
-) -> PeoplePrompt | None:
-    """Return the user's choice of people, in px of the image to reconstruct; None for all people.
-
-    Args:
-        people: in px of the upright file; the config's choice if None.
-        settings: of the config.
-        file_size: width and height of the upright file, px.
-        size: width and height of the image to reconstruct, px.
-    """
-    is_set = settings.person or settings.box or settings.masks
-    if people is None and not is_set:
-        return None
-    from physic_core.io.people_prompt import check_prompt, read_masks, resize_prompt
-
-    if people is None:
-        masks = None if settings.masks is None else read_masks(settings.masks)
-        people = PeoplePrompt(settings.person, settings.box, masks)
-    return resize_prompt(check_prompt(people, *file_size), file_size, size)
-
-
-def _result(
-    estimates: Estimates,
-    solution: Solution,
-    checks: tuple[CheckResult, ...],
-    model: BodyModel,
-    config: Config,
-    stages: StageRunner,
-) -> Reconstruction:
-    import torch
-
-    from physic_core.pipeline.checks import failed_checks, grade_person, grade_photo, unknown_checks, warning_messages
-
-    statures = model.stature(torch.as_tensor(solution.parameters.betas)).tolist()
-    grades = [grade_person(checks, i) for i in range(len(estimates.people))]
-    people = []
-    for i in range(len(estimates.people)):
-        people.append(
-            Person(
-                box=estimates.people.boxes[i],
-                score=float(estimates.people.scores[i]),
-                mask=estimates.people.masks[i],
-                keypoints=estimates.keypoints.points[i],
-                keypoint_confidence=estimates.keypoints.confidence[i],
-                parameters=solution.parameters[i : i + 1],
-                vertices=solution.vertices[i],
-                joints=solution.joints[i],
-                contact=solution.contact[i],
-                distance=solution.distance[i],
-                contact_probability=None if solution.contact_probability is None else solution.contact_probability[i],
-                contact_partner=solution.contact_partner[i],
-                contacts=solution.contacts[i],
-                support=solution.supports[i],
-                world_contact=solution.world_contact[i],
-                failed_checks=failed_checks(checks, i),
-                unknown_checks=unknown_checks(checks, i),
-                grade=grades[i],
-                stature=statures[i] if math.isfinite(statures[i]) else None,
-                age=None if estimates.ages is None or math.isnan(estimates.ages[i]) else float(estimates.ages[i]),
-            )
-        )
-    stages.warn(*warning_messages(checks))
-    return Reconstruction(
-        image=estimates.image,
-        intrinsics=solution.intrinsics,
-        scene=solution.scene,
-        people=tuple(people),
-        faces=model.faces.int().numpy(),
-        body_model=model.name,
-        skeleton=estimates.keypoints.skeleton,
-        stages=tuple(stages.records),
-        diagnostics={**solution.diagnostics, "people": [dict(p) for p in solution.people]},
-        warnings=tuple(stages.warnings),
-        notes=tuple(stages.notes),
-        config=config.as_dict(),
-        checks=checks,
-        unposed=tuple(estimates.people.unposed),
-        grade=grade_photo(checks, [grades[i] for i in main_people(estimates.people.boxes)]),
-        contact_partners=solution.partners,
-    )

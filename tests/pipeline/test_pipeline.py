@@ -18,7 +18,7 @@ from physic_core.errors import BodyModelError, DeviceError, NoPersonError
 from physic_core.io.photo import Photo
 from physic_core.pipeline.conversion import replace_hands
 from physic_core.pipeline.floor_choice import feet_pixels
-from physic_core.pipeline.run import _with_camera
+from physic_core.pipeline.prepared_photo import prepare_photo
 from physic_core.types import Bodies, Hands, Hints, Intrinsics, Keypoints, People, Reconstruction
 from physic_mock import backends
 from physic_testing.worlds import World
@@ -105,16 +105,16 @@ def test_optional_interfaces_may_be_left_out(world: World) -> None:
 
 def test_a_configured_camera_is_in_pixels_of_the_file() -> None:
     reduced = Photo(np.zeros((100, 200, 3), np.uint8), None, (), file_size=(400, 200))
-    given = _with_camera(reduced, PhotoSettings(focal_px=500)).intrinsics
+    given = prepare_photo(reduced, PhotoSettings(focal_px=500), None, None).photo.intrinsics
     assert (given.fx, given.cx, given.cy, given.width, given.height) == (250, 99.5, 49.5, 200, 100)
-    given = _with_camera(reduced, PhotoSettings(intrinsics=(500, 400, 199.5, 99.5))).intrinsics
+    given = prepare_photo(reduced, PhotoSettings(intrinsics=(500, 400, 199.5, 99.5)), None, None).photo.intrinsics
     assert (given.fx, given.fy, given.cx, given.cy) == (250, 200, 99.5, 49.5)
 
 
 def test_a_configured_camera_wins_over_the_files() -> None:
     photo = Photo(np.zeros((100, 200, 3), np.uint8), Intrinsics.from_focal(111, 200, 100, "EXIF"))
-    assert _with_camera(photo, PhotoSettings()).intrinsics == photo.intrinsics
-    chosen = _with_camera(photo, PhotoSettings(focal_px=222)).intrinsics
+    assert prepare_photo(photo, PhotoSettings(), None, None).photo.intrinsics == photo.intrinsics
+    chosen = prepare_photo(photo, PhotoSettings(focal_px=222), None, None).photo.intrinsics
     assert (chosen.fx, chosen.source) == (222, "given")
 
 

@@ -5,6 +5,7 @@ import re
 import sys
 import tomllib
 import zipfile
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import pytest
 from hatchling.builders.sdist import SdistBuilder
 from hatchling.builders.wheel import WheelBuilder
 
-from physic_core.discovery.catalog import ENERGIES, EXECUTORS
+from physic_core.discovery.catalog import ENERGIES, EXECUTORS, REQUIRES
 from physic_core.discovery.registration import ENTRY_POINT_GROUPS
 from physic_core.interfaces import INTERFACES
 
@@ -21,7 +22,9 @@ PROJECTS = {p.parent.name: p.parent for p in (ROOT / "plugins").glob("*/pyprojec
 
 
 def project(folder: Path) -> dict[str, Any]:
-    return tomllib.loads((folder / "pyproject.toml").read_text())["project"]
+    """The metadata of a distribution, as a release will state it (CONTRIBUTING.md)."""
+    text = re.sub(r"(?m)^( *)# (.+)  # once released.*", r"\1\2", (folder / "pyproject.toml").read_text())
+    return tomllib.loads(text)["project"]
 
 
 def requirements(folder: Path) -> list[str]:
@@ -59,6 +62,23 @@ def test_a_distribution_sets_lower_bounds_only_and_each_is_pinned_for_the_machin
 
 
 ALL = PROJECTS | {p.parent.name: p.parent for p in (ROOT / "contrib").glob("*/pyproject.toml")}
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_no_index_is_asked_for_a_name_of_the_project_before_it_is_released(name: str):
+    """Whoever registers it first could run code on the machines of users."""
+    own = tomllib.loads((ALL[name] / "pyproject.toml").read_text())["project"]
+    extras = own.get("optional-dependencies", {}).values()
+    assert not [r for r in [*own["dependencies"], *chain(*extras)] if r.startswith("physic")]
+
+
+def test_the_catalog_says_which_distributions_require_others():
+    asked = {name: [re.split("[>=[]", text)[0] for text in project(ALL[name])["dependencies"]] for name in ALL}
+    assert {
+        name: others
+        for name, texts in asked.items()
+        if (others := [text for text in texts if text in PROJECTS and text != "physic-core"])
+    } == REQUIRES
 
 
 @pytest.mark.parametrize("name", ALL)

@@ -96,7 +96,8 @@ def grade_photo(checks: Sequence[CheckResult], people: Sequence[Grade]) -> Grade
 
 
 def _grade(checks: Sequence[CheckResult]) -> Grade:
-    failures = [CHECKS[check.name].failure for check in checks if check.failed]
+    # One check that fails in several photos of a moment is one contradiction.
+    failures = [CHECKS[name].failure for name in {check.name for check in checks if check.failed}]
     if "bad" in failures or failures.count("contradiction") > 1:
         return Grade.BAD
     unknown = any(CHECKS[check.name].needed for check in checks if check.state is CheckState.UNKNOWN)

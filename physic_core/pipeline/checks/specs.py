@@ -11,7 +11,7 @@ Direction = Literal["at most", "at least"]
 
 Failure = Literal["ignored", "doubtful", "contradiction", "bad"]
 """What a failed check does to the grade: "doubtful" for a lack of evidence; "contradiction" is doubtful alone, and bad
-together with another one."""
+together with one of another check."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class CheckSpec:
         threshold: the bound; a setting of the engine may replace it.
         unit: of threshold and value.
         share_of: what a value of unit "share" is a share of; "" if the label says it.
-        of: "photo" or "person"; "view" for each photo but the reference of a result that has several.
+        of: "photo" or "person"; "view" for each photo of a result that has several.
         warns: whether a failed check is also a warning of the result.
         failure: what a failed check does to the grade.
         needed: whether the grade is doubtful if nothing was measured.
@@ -72,6 +72,13 @@ _ALL = (
     _photo("unposed_people", "People without a body", "at most", 0, "count"),
     # Worlds 0.015-0.033, photos 0.035-0.044; 0.15 in a photo whose camera is 0.3 m off and whose people do not fit.
     _view("view_keypoints", "Limbs off their keypoints", "at most", 0.06, _SHARE, "the box diagonal"),
+    # Of 30 pairs of photos of a rig, 20 have two or three people, and 29 of 30 wrong pairs of two rigs one.
+    _view("view_people", "People whom other photos show, too", "at least", 2, "count", failure="contradiction"),
+    # Half of the energy of a person in the solution of two photos, with the clothes: rigs 11-29, wrong pairs 17-47.
+    _view("view_agreement", "People unlike those of other photos", "at most", 28, "energy", failure="contradiction"),
+    _view("view_nobody", "Nobody where other photos have somebody", "at most", 0, "count", failure="contradiction"),
+    # Rigs 0.05-0.56; 0.6-0.9 where a floor is wrong, 2.6 in a wrong pair.
+    _view("view_height", "Camera height over other floors, off", "at most", 0.6, "log", failure="contradiction"),
     _person("missing_outputs", "Backends without a result", "at most", 0, "count", failure="bad", warns=True),
     _person("placed", "Placed by keypoints, depth and floor", "at least", 1, _YES, needed=True, warns=True),
     _person("optimised", "Part of the joint fit", "at least", 1, _YES, warns=True),

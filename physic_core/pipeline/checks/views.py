@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from statistics import median
 from typing import TYPE_CHECKING
@@ -17,15 +17,21 @@ if TYPE_CHECKING:
     from physic_core.types import CameraView, CheckResult, Reconstruction
 
 
-def with_cameras(result: Reconstruction, cameras: Sequence[CameraView]) -> Reconstruction:
+def with_cameras(
+    result: Reconstruction,
+    cameras: Sequence[CameraView],
+    measured: Iterable[tuple[str, str, float | None, str]] = (),
+) -> Reconstruction:
     """Return a result with the cameras of several photos, a check of each photo, and the grade and warnings of all.
 
     Args:
         result: in the frame of the reference camera.
         cameras: the reference first.
+        measured: photo, name, value (None if unknown) and advice of further checks.
     """
     cameras = tuple(cameras)
-    found = tuple(_check_views(result, cameras[1:]))
+    further = (_of_photo(judge(Measurement(name, value, why)), photo) for photo, name, value, why in measured)
+    found = (*_check_views(result, cameras[1:]), *further)
     checks = (*result.checks, *found)
     main = main_people([person.box for person in result.people])
     return replace(
@@ -59,6 +65,10 @@ def _check_views(result: Reconstruction, cameras: Sequence[CameraView]) -> Itera
             "its row in preview.png, and leave the photo out",
             unmeasured=f"no person has enough confident keypoints in {camera.photo}",
         )
-        check = judge(found)
-        label = f"{check.label} in {camera.photo}"
-        yield replace(check, label=label, message=check.message.replace(check.label, label))
+        yield _of_photo(judge(found), camera.photo)
+
+
+def _of_photo(check: CheckResult, photo: str) -> CheckResult:
+    """Return a check with the name of its photo."""
+    label = f"{check.label} in {photo}"
+    return replace(check, label=label, message=check.message.replace(check.label, label))

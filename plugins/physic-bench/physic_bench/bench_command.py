@@ -36,7 +36,8 @@ class _Size(click.ParamType[Any]):
 def bench() -> None:
     """Measure the accuracy and the speed of the engine.
 
-    "accuracy" needs the plugin physic-mock: pip install -e plugins/physic-mock in a checkout of PhySIC
+    "accuracy" needs the plugin physic-mock. In a checkout of PhySIC:
+    pip install -e plugins/physic-testing -e plugins/physic-mock
     """
 
 

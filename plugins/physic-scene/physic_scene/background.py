@@ -9,8 +9,7 @@ import cv2
 import numpy as np
 from scipy.stats import binom
 
-from physic_scene.measured import measured_errors
-from physic_scene.rigid import angle_deg
+from physic_scene.bundle import PixelMatches
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Reconstruction, UInt8Array
@@ -27,8 +26,8 @@ class BackgroundSettings:
         features: most of a photo.
         ratio: largest distance of the best match, as a share of that of the second best.
         inlier_px: largest distance from the epipolar line, px of the reduced photo.
-        certain: least LLR of a turn whose pixels enter the adjustment of cameras. Of 36 pairs of photos of six worlds,
-            three have more, with turns that are right to 13 degrees, and three have 0 to 4, which are off by 19 to 43.
+        certain: least logarithm of the ratio of likelihoods "these photos show one background" over "the matches agree
+            by chance" of pixels that enter the adjustment of cameras. 10 are odds of 20,000 to 1.
         trials: samples of five matches that a motion between two cameras is sought with. 1000 find it, with a chance of
             .9, where three of ten matches are right, in 0.1 s.
     """
@@ -54,36 +53,6 @@ class Background:
     points: FloatArray
     descriptors: FloatArray
     thumbnail: FloatArray
-
-
-@dataclass(frozen=True)
-class BackgroundTurn:
-    """Rotation between two cameras, by matched pixels of the background.
-
-    Attributes:
-        rotation: (3, 3) from the frame of the first camera to that of the second.
-        llr: logarithm of the ratio of likelihoods "these photos show one background" over "the matches agree by
-            chance"; negative where chance is likelier.
-        first: (n, 2) px of the first photo that agree with the motion; none if it is not certain.
-        second: (n, 2) px of the second photo that show the same points.
-    """
-
-    rotation: FloatArray
-    llr: float
-    first: FloatArray
-    second: FloatArray
-
-    def supports(self, rotation: FloatArray) -> float:
-        """Return the LLR of a rotation (3, 3) between the cameras by people, over one that has nothing to do with it.
-
-        Either the matches agree by chance, or the rotation has the errors of the turns of a body in both photos.
-        """
-        about, across = np.radians(measured_errors().turn_deg)
-        variance = 2 * (about**2 + 2 * across**2) / 3
-        square = np.radians(angle_deg(self.rotation, rotation)) ** 2 / variance
-        # A normal density of three angles, over the uniform one of all rotations.
-        near = np.log(8 * np.pi**2) - 1.5 * np.log(2 * np.pi * variance) - square / 2
-        return float(np.logaddexp(0.0, self.llr + near))
 
 
 def sees(result: Reconstruction, settings: BackgroundSettings) -> Background:
@@ -112,18 +81,24 @@ def same_photo(one: Background, two: Background) -> bool:
     return bool(np.abs(a - gain * b).max() < 6 and 0.5 < gain < 2)
 
 
-def background_turn(
-    one: Background, two: Background, cameras: tuple[FloatArray, FloatArray], settings: BackgroundSettings
-) -> BackgroundTurn | None:
-    """Return the rotation between two cameras that most matches agree with, in front of both; None with too few.
+def same_background(
+    one: Background,
+    two: Background,
+    cameras: tuple[FloatArray, FloatArray],
+    views: tuple[int, int],
+    settings: BackgroundSettings,
+) -> PixelMatches | None:
+    """Return the pixels of two photos that agree with one motion between their cameras; None if that is not certain.
 
-    Its LLR is the negative logarithm of the number of false alarms: the number of motions that were tried, times the
-    binomial probability that as many of the matches would agree if each did with the share of pixels that do not match.
+    The evidence is the negative logarithm of the number of false alarms: the number of motions that were tried, times
+    the binomial probability that as many of the matches would agree if each did with the share of pixels that do not
+    match.
 
     Args:
         one: background of the first photo.
         two: background of the second photo.
         cameras: (3, 3) px of both.
+        views: numbers of both photos.
         settings: of the matcher.
     """
     matches = np.hstack(_ratio_matches(one, two, settings))
@@ -139,15 +114,17 @@ def background_turn(
     essential, agrees = cv2.findEssentialMat(one_rays, two_rays, np.eye(3), cv2.RANSAC, 0.999, limit, settings.trials)
     if essential is None or essential.shape != (3, 3):
         return None
-    count, rotation, _, agrees = cv2.recoverPose(essential, one_rays, two_rays, np.eye(3), mask=agrees)
+    count, _, _, agrees = cv2.recoverPose(essential, one_rays, two_rays, np.eye(3), mask=agrees)
     first, second = (np.column_stack([ray, np.ones(len(ray))]) for ray in (one_rays, two_rays))
     line_two, line_one = first @ essential.T, second @ essential
     slope = np.hypot(*line_two[:, :2].T)[:, None] ** 2 + np.hypot(*line_one[:, :2].T) ** 2
     near = np.abs(line_two @ second.T) < limit * np.sqrt(slope)
     chance = (1 + near.sum() - np.trace(near)) / (1 + near.size - len(near))
     llr = -np.log(_SOLUTIONS * settings.trials) - binom.logsf(count - _MINIMAL - 1, len(single) - _MINIMAL, chance)
-    kept = (agrees.ravel() > 0) & (llr >= settings.certain)
-    return BackgroundTurn(rotation, float(llr), pixels[0][kept], pixels[1][kept])
+    if llr < settings.certain:
+        return None
+    kept = agrees.ravel() > 0
+    return PixelMatches(views, pixels[0][kept], pixels[1][kept])
 
 
 def _features(grey: UInt8Array, mask: UInt8Array, settings: BackgroundSettings) -> tuple[FloatArray, FloatArray]:

@@ -79,8 +79,8 @@ def solve_cameras(
         view = _view_that_does_not_fit(bad, found.errors)
         if view is not None and len(chosen.photos) == 2:
             raise InputError(
-                f"{chosen.photos[0].name} and {chosen.photos[1].name} show people in other places or poses: give "
-                "photos that were taken at the same moment"
+                f"no person of {chosen.photos[0].name} can be where {chosen.photos[1].name} shows one: give photos "
+                "that were taken at the same moment, or of people who hold still, with a person in common"
             )
         if view is not None:
             why = "its people are in other places or poses than in the other photos"

@@ -34,24 +34,6 @@ _CLASSES = {
 
 
 @dataclass(frozen=True)
-class CueTable:
-    """Logarithm of the likelihood ratio of the same person over different people, by the value of one cue.
-
-    Attributes:
-        values: (n,) of the cue, increasing.
-        llr: (n,) there, natural logarithm; constant outside, linear between.
-    """
-
-    values: FloatArray
-    llr: FloatArray
-
-    def __call__(self, cue: FloatArray) -> FloatArray:
-        """Return the ratio (...) of values (...) of the cue; 0 where it is NaN, which says nothing."""
-        found: FloatArray = np.nan_to_num(np.interp(cue, self.values, self.llr), nan=0.0)
-        return found
-
-
-@dataclass(frozen=True)
 class KeypointErrors:
     """Errors of J keypoints of a skeleton.
 
@@ -81,7 +63,6 @@ class MeasuredErrors:
         bone: of the logarithm of a bone's length, up to the stature.
         floor_deg: of a floor's normal about each of two axes.
         focal: of the logarithm of an estimated focal length: the part that the photos of a moment share, and the own.
-        cues: name of a cue of matching -> its table.
     """
 
     confidence: FloatArray
@@ -92,7 +73,6 @@ class MeasuredErrors:
     bone: float
     floor_deg: float
     focal: tuple[float, float]
-    cues: Mapping[str, CueTable]
 
     def keypoint_sigma(self, confidence: FloatArray) -> FloatArray:
         """Return the standard deviation (...) of keypoints of a confidence (...), as a share of the stature in px."""
@@ -137,5 +117,4 @@ def measured_errors() -> MeasuredErrors:
         bone=content["bone"],
         floor_deg=content["floor_deg"],
         focal=tuple(content["focal"]),
-        cues={name: CueTable(np.array(t["values"]), np.array(t["llr"])) for name, t in content["cues"].items()},
     )

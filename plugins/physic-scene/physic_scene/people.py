@@ -11,14 +11,16 @@ import torch
 
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.types.short_repr import ShortRepr
-from physic_scene.matching import look_cues, place_cues
-from physic_scene.measured import measured_errors
+from physic_scene.matching import compare_places
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
-    from physic_core.types import BodyParameters, FloatArray, IntArray
+    from physic_core.types import BodyParameters, IntArray
     from physic_scene.cameras import SolvedScene
     from physic_scene.selection import Photo
+
+
+_SAME_PLACE = 0.3  # distance of two people who may be one, as a share of their distance from the cameras
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ def people_of_scene(solved: SolvedScene, model: BodyModel) -> tuple[PersonOfScen
     """Return the people in the order of the result.
 
     Somebody whom one photo alone shows, and not the reference, is in the result if no other photo shows anybody like
-    them: without a match, they may be a person of another photo.
+    them in their place: without a match, they may be a person of another photo.
     """
     reference, photos = solved.reference, solved.chosen.photos
     matched = [*_matched(solved, model), *_moved(solved, model)]
@@ -91,7 +93,7 @@ def _of_one_photo(solved: SolvedScene, first: int, model: BodyModel) -> Iterator
 def _may_be_same(
     solved: SolvedScene, known: IntArray, person: tuple[int, int], other: int, accepted: Sequence[tuple[int, int]]
 ) -> bool:
-    """Return whether a person (photo, row) is likelier than not somebody of another photo, by looks and place.
+    """Return whether a person (photo, row) is where another photo has somebody.
 
     Somebody whom both photos show is another person; of people whom the other photo alone shows, those of the reference
     photo and accepted ones count, since the others are not in the result.
@@ -101,18 +103,9 @@ def _may_be_same(
     in_both = known[(known[:, v] >= 0) & (known[:, other] >= 0), other]
     in_result = set(range(len(two))) if other == solved.reference else {r for w, r in accepted if w == other}
     candidates = [j for j in in_result | set(known[known[:, other] >= 0, other].tolist()) if j not in in_both]
-    llr = _same_llr(solved, v, other)[row, candidates] if len(one) and len(two) else np.zeros(0)
-    return bool((llr > 0).any())
-
-
-def _same_llr(solved: SolvedScene, one: int, two: int) -> FloatArray:
-    """Return the logarithm of the odds (N, M) that people of two photos are the same, with the solved cameras."""
-    first, second = (solved.chosen.photos[view].people for view in (one, two))
-    looks, turns = look_cues(first, second)
-    motion = solved.bundle.pose(two).after(solved.bundle.pose(one).inverse())
-    cues, tables = {**looks, **place_cues(first, second, motion, turns)}, measured_errors().cues
-    found: FloatArray = np.sum([tables[name](values) for name, values in cues.items()], axis=0)
-    return found
+    motion = solved.bundle.pose(other).after(solved.bundle.pose(v).inverse())
+    place, _ = compare_places(one, two, motion, np.broadcast_to(np.eye(3), (len(one), len(two), 3, 3)))
+    return bool((place[row, candidates] < _SAME_PLACE).any())
 
 
 def _indices(row: IntArray, photos: Sequence[Photo]) -> dict[int, int]:

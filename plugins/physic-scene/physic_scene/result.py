@@ -12,23 +12,28 @@ from physic_core import with_cameras
 from physic_core.types import CameraView
 from physic_scene.reference import scene_scales, solved_camera
 from physic_scene.types import CameraPose, ScenePerson, SceneResult
+from physic_scene.verdict import SolvedView, contradictions
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Reconstruction, UInt8Array
     from physic_scene.cameras import SolvedScene
     from physic_scene.people import PersonOfScene
     from physic_scene.selection import Photo
+    from physic_scene.settings import SceneSettings
 
 _POINTS = 60_000  # of the scene of each photo
 
 
-def assemble(solved: SolvedScene, everybody: Sequence[PersonOfScene], reconstruction: Reconstruction) -> SceneResult:
+def assemble(
+    solved: SolvedScene, everybody: Sequence[PersonOfScene], reconstruction: Reconstruction, settings: SceneSettings
+) -> SceneResult:
     """Return the result.
 
     Args:
         solved: cameras and people.
         everybody: the people of the reconstruction.
         reconstruction: in the frame of the reference photo.
+        settings: of all steps.
     """
     factor = reconstruction.scene.scale  # of the joint solution, which cameras and scene share
     scales = scene_scales(solved) * factor
@@ -36,7 +41,8 @@ def assemble(solved: SolvedScene, everybody: Sequence[PersonOfScene], reconstruc
     photos, v = solved.chosen.photos, solved.reference
     cameras = tuple(_cameras(solved, everybody, scales))
     people = _people(photos, everybody, reconstruction)
-    reconstruction = with_cameras(reconstruction, _views(reconstruction, cameras, everybody, solved))
+    measured = contradictions(_solved_views(solved, cameras), solved.rows, settings)
+    reconstruction = with_cameras(reconstruction, _views(reconstruction, cameras, everybody, solved), measured)
     points, colors = _merged_points(reconstruction, cameras, photos[v].index)
     names = {photo.index: photo.name for photo in photos}
     moved = [_move(one, names) for one in people if one.moved]
@@ -72,6 +78,17 @@ def assemble(solved: SolvedScene, everybody: Sequence[PersonOfScene], reconstruc
             },
         },
     )
+
+
+def _solved_views(solved: SolvedScene, cameras: Sequence[CameraPose]) -> list[SolvedView]:
+    """Return what contradicts the cameras may be measured on."""
+    found = []
+    for v, (photo, camera) in enumerate(zip(solved.chosen.photos, cameras, strict=True)):
+        floor, size = photo.result.scene.floor, (camera.intrinsics.width, camera.intrinsics.height)
+        plane = None if floor is None else np.append(np.asarray(floor.normal, np.float64), floor.offset)
+        pose = solved.bundle.pose(v)
+        found.append(SolvedView(photo.name, photo.people, pose, camera.intrinsics.matrix, size, plane))
+    return found
 
 
 def _move(person: ScenePerson, names: dict[int, str]) -> str:

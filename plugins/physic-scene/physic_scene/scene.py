@@ -181,8 +181,7 @@ class Scene:
             for i, (name, result) in enumerate(zip(names, results, strict=True))
             if result is not None
         ]
-        own = self._settings
-        return select_photos(photos, names, own.matching, own.background)
+        return select_photos(photos, names, self._settings)
 
     def _with_results(self, chosen: ChosenPhotos, results: Mapping[int, Reconstruction | None]) -> ChosenPhotos:
         """Return the same people in the same photos, of which some have other results.
@@ -200,7 +199,7 @@ class Scene:
                 )
             photos.append(replace(photo, result=result, people=people))
         everybody = [photo.people for photo in photos]
-        matches = joined_matches(everybody, chosen.matches, chosen.rows, self._settings.matching)
+        matches = joined_matches(everybody, chosen.matches, chosen.rows)
         return replace(chosen, photos=tuple(photos), matches=matches)
 
     def _solve(self, chosen: ChosenPhotos, statures: Sequence[float], progress: Progress) -> SceneResult:
@@ -212,7 +211,7 @@ class Scene:
         given = ReferenceInput.of(solved, people, model)
         given = replace(given, ages=ages_of_scene(people, solved.chosen.photos))
         reconstruction = solve_reference(given, self._pipeline.config, self._settings.keypoints)
-        return assemble(solved, people, reconstruction)
+        return assemble(solved, people, reconstruction, self._settings)
 
 
 def reconstruct_scene(

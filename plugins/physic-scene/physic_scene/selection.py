@@ -7,20 +7,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from physic_core.errors import InputError
 from physic_core.types.short_repr import ShortRepr
-from physic_scene.background import Background, BackgroundSettings, background_turn, same_photo, sees
-from physic_scene.bundle import PixelMatches
-from physic_scene.matching import MatchingSettings, PairMatch, join_tracks, joined_matches, match_pair
+from physic_scene.background import Background, same_background, same_photo, sees
+from physic_scene.matching import PairMatch, join_tracks, joined_matches, match_pair
 from physic_scene.types import LeftOut
 
 if TYPE_CHECKING:
     from physic_core.types import IntArray, Reconstruction
+    from physic_scene.bundle import PixelMatches
     from physic_scene.observations import PhotoPeople
-
-_CLEARER = "add a photo from a direction between the others, or one in which people wear clothes of different colours"
+    from physic_scene.settings import SceneSettings
 
 
 @dataclass(frozen=True)
@@ -59,12 +56,8 @@ class ChosenPhotos(ShortRepr):
     @property
     def background(self) -> tuple[PixelMatches, ...]:
         """Matched pixels of pairs of photos that certainly show the same background."""
-        turns = {pair: match.background for pair, match in self.matches.items()}
-        return tuple(
-            PixelMatches(pair, turn.first, turn.second)
-            for pair, turn in turns.items()
-            if turn is not None and len(turn.first)
-        )
+        pixels = ((pair, match.background) for pair, match in self.matches.items())
+        return tuple(replace(own, views=pair) for pair, own in pixels if own is not None)
 
     def first(self, sizes: str) -> Photo:
         """Return the photo that was given first, whose people have known sizes, such as "ages".
@@ -91,19 +84,16 @@ class ChosenPhotos(ShortRepr):
         )
 
 
-def select_photos(
-    photos: Sequence[Photo], names: Sequence[str], matching: MatchingSettings, settings: BackgroundSettings
-) -> ChosenPhotos:
-    """Return the photos that show the same people at the same moment.
+def select_photos(photos: Sequence[Photo], names: Sequence[str], settings: SceneSettings) -> ChosenPhotos:
+    """Return the photos that show people, and who is who in them.
 
     Args:
         photos: with a result.
         names: of all photos, as they were given.
-        matching: settings of the people's match.
-        settings: of the background's match.
+        settings: of all steps.
 
     Raises:
-        InputError: no two photos share a person, or who is who is ambiguous in all pairs of photos.
+        InputError: fewer than two different photos show people.
     """
     given = {photo.index for photo in photos}
     left = [_left_out(i, name, "no people", "nobody was found in it") for i, name in enumerate(names) if i not in given]
@@ -113,7 +103,7 @@ def select_photos(
         if not len(photo.people):
             left.append(_left_out(photo.index, photo.name, "no people", "nobody in it has a body"))
             continue
-        background = sees(photo.result, settings)
+        background = sees(photo.result, settings.background)
         twin = next((k.name for k, s in zip(kept, seen, strict=True) if same_photo(s, background)), None)
         if twin is not None:
             left.append(_left_out(photo.index, photo.name, "same photo", f"it is the same picture as {twin}"))
@@ -129,69 +119,11 @@ def select_photos(
     matches = {}
     for a, b in itertools.combinations(range(len(kept)), 2):
         one, two = kept[a].people, kept[b].people
-        turn = background_turn(seen[a], seen[b], (one.K, two.K), settings)
-        matches[a, b] = match_pair(one, two, matching, turn)
-    no_rows = np.empty((0, len(kept)), np.int64)
-    return _joined(ChosenPhotos(tuple(kept), no_rows, matches, tuple(left)), matching)
-
-
-def _joined(chosen: ChosenPhotos, settings: MatchingSettings) -> ChosenPhotos:
-    """Return the photos that are joined by people, with the people over all of them.
-
-    Raises:
-        InputError: no two photos share a person, or who is who is ambiguous in all pairs of photos.
-    """
-    while True:
-        people = [photo.people for photo in chosen.photos]
-        rows = join_tracks(people, chosen.matches, settings).rows
-        chosen = replace(chosen, rows=rows, matches=joined_matches(people, chosen.matches, rows, settings))
-        connected = _connected(chosen, settings)
-        if len(connected.photos) == len(chosen.photos):
-            return chosen
-        chosen = connected
-
-
-def _connected(chosen: ChosenPhotos, settings: MatchingSettings) -> ChosenPhotos:
-    """Return the largest group of photos that pairs without ambiguity join.
-
-    Raises:
-        InputError: no two photos share a person, or who is who is ambiguous in all pairs of photos.
-    """
-    views = len(chosen.photos)
-    group = list(range(views))
-    shared = {pair: match for pair, match in chosen.matches.items() if match.pairs}
-    for (a, b), match in shared.items():
-        if match.margin >= settings.ambiguous:
-            group = [group[a] if g == group[b] else g for g in group]
-    score = {
-        g: (sum(m.score for (a, b), m in chosen.matches.items() if group[a] == group[b] == g), group.count(g))
-        for g in set(group)
-    }
-    best = max(score, key=lambda g: (score[g][1] > 1, *score[g]))
-    if group.count(best) < 2:
-        names = [photo.name for photo in chosen.photos]
-        raise _ambiguous(names, chosen.left_out) if shared else _no_common_person(names, chosen.left_out)
-    for view in reversed([v for v in range(views) if group[v] != best]):
-        if any(view in (a, b) and best in (group[a], group[b]) for a, b in shared):
-            chosen = chosen.without(view, "ambiguous", f"who is who in it is not clear; {_CLEARER}")
-        else:
-            chosen = chosen.without(view, "other people", "it shares no person with the other photos, in this pose")
-    return chosen
-
-
-def _ambiguous(names: Sequence[str], left: Sequence[LeftOut]) -> InputError:
-    others = "".join(f"; {one.message}" for one in left)
-    return InputError(
-        f"who is who in these photos is not clear, as their people look alike ({', '.join(names)}){others}: {_CLEARER}"
-    )
-
-
-def _no_common_person(names: Sequence[str], left: Sequence[LeftOut]) -> InputError:
-    others = "".join(f"; {one.message}" for one in left)
-    return InputError(
-        f"no two of the photos show the same person in the same pose ({', '.join(names)}){others}: give photos that "
-        "were taken at the same moment, or of people who hold still, and that have at least one person in common"
-    )
+        pixels = same_background(seen[a], seen[b], (one.K, two.K), (0, 1), settings.background)
+        matches[a, b] = match_pair(one, two, settings.matching, settings.bundle, pixels)
+    people = [photo.people for photo in kept]
+    rows = join_tracks(people, matches)
+    return ChosenPhotos(tuple(kept), rows, joined_matches(people, matches, rows), tuple(left))
 
 
 def _left_out(index: int, name: str, reason: str, why: str) -> LeftOut:

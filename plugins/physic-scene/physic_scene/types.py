@@ -62,7 +62,7 @@ class LeftOut:
     Attributes:
         photo: name of the photo.
         index: of the photo, as it was given.
-        reason: one of "same photo", "other people", "ambiguous", "no people", "does not fit".
+        reason: one of "same photo", "no people", "does not fit".
         message: the same as a sentence for the user.
     """
 

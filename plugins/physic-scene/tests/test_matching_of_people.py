@@ -1,4 +1,4 @@
-"""People who stand in symmetry about a middle are told apart by the background or their clothes, or not at all."""
+"""Who is who in two and three photos: by the energy of the cameras, by the background and by clothes."""
 
 from __future__ import annotations
 
@@ -8,16 +8,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from physic_core import Pipeline
 from physic_core.body import JOINT_INDEX
-from physic_core.errors import InputError
 from physic_core.types import skeleton_named
-from physic_scene.background import BackgroundSettings, BackgroundTurn
-from physic_scene.matching import MatchingSettings, match_pair
+from physic_scene.bundle import BundleSettings, PixelMatches
+from physic_scene.matching import MatchingSettings, PairMatch, answer_cost, join_tracks, match_pair
 from physic_scene.observations import COLOUR_GROUPS, PhotoPeople
 from physic_scene.rigid import Pose, angle_deg
-from physic_scene.selection import Photo, select_photos
-from physic_testing.worlds import build_world
+from physic_scene.settings import SceneSettings
+from physic_scene.verdict import SolvedView, contradictions
 
 MIDDLE = np.array([0.0, 0.0, 4.0])
 TURN = Rotation.from_euler("y", 40, degrees=True).as_matrix()
@@ -48,11 +46,6 @@ def photo(joints: np.ndarray) -> PhotoPeople:
     )
 
 
-def turned(rotation: np.ndarray, llr: float) -> BackgroundTurn:
-    """Return a rotation between two cameras by backgrounds, without its pixels."""
-    return BackgroundTurn(rotation, llr, np.zeros((0, 2)), np.zeros((0, 2)))
-
-
 @pytest.fixture
 def facing_each_other():
     """Return two photos of two people who face each other, and the motion between the cameras."""
@@ -65,81 +58,109 @@ def facing_each_other():
     return photo(joints), photo(motion.to_camera(joints)), motion
 
 
+def in_clothes(people: PhotoPeople, *colours: float) -> PhotoPeople:
+    """Return people in clothes of these colours; NaN where the photo shows none."""
+    return replace(people, colours=np.broadcast_to(np.array(colours)[:, None, None], people.colours.shape))
+
+
+def match(one: PhotoPeople, two: PhotoPeople, background: PixelMatches | None = None) -> PairMatch:
+    return match_pair(one, two, MatchingSettings(), BundleSettings(), background)
+
+
 @pytest.mark.parametrize("swapped", [False, True])
 def test_the_background_tells_people_apart_who_face_each_other(facing_each_other, swapped):
     one, two, motion = facing_each_other
-    rotation = motion.rotation @ HALF_TURN if swapped else motion.rotation
-    found = match_pair(one, two, MatchingSettings(), turned(rotation, 20.0))
-    assert {(i, j) for i, j, _ in found.pairs} == ({(0, 1), (1, 0)} if swapped else {(0, 0), (1, 1)})
-    assert angle_deg(found.motion.rotation, rotation) < 1
+    true = Pose(TURN @ HALF_TURN, MIDDLE - TURN @ HALF_TURN @ MIDDLE) if swapped else motion
+    points = np.random.default_rng(1).uniform([-2, -1, 3], [2, 1, 5], (60, 3))
+    pixels = [(own @ one.K.T)[:, :2] / own[:, 2:] for own in (points, true.to_camera(points))]
+    found = match(one, two, PixelMatches((0, 1), *pixels))
+    assert set(found.pairs) == ({(0, 1), (1, 0)} if swapped else {(0, 0), (1, 1)})
+    assert angle_deg(found.motion.rotation, true.rotation) < 3
 
 
-def test_a_background_that_matches_by_chance_changes_nothing(facing_each_other):
+@pytest.mark.parametrize("swapped", [False, True])
+def test_clothes_tell_people_apart_who_face_each_other(facing_each_other, swapped):
     one, two, _ = facing_each_other
-    alone = match_pair(one, two, MatchingSettings())
-    chance = turned(Rotation.from_euler("x", 90, degrees=True).as_matrix(), -9.2)
-    found = match_pair(one, two, MatchingSettings(), chance)
-    assert found.pairs == alone.pairs
-    assert found.score == pytest.approx(alone.score)
+    found = match(in_clothes(one, 20, 60), in_clothes(two, *((60, 20) if swapped else (20, 60))))
+    assert set(found.pairs) == ({(0, 1), (1, 0)} if swapped else {(0, 0), (1, 1)})
+    sure = [found.odds[pair] for pair in found.pairs]
+    assert min(sure) > 10
+    assert max(odds for pair, odds in np.ndenumerate(found.odds) if pair not in found.pairs) < -10
 
 
-def in_clothes(people: PhotoPeople, *lightness: float) -> PhotoPeople:
-    """Return people in clothes of these colours; NaN where the photo shows none."""
-    return replace(people, colours=np.broadcast_to(np.array(lightness)[:, None, None], people.colours.shape))
+def test_people_who_look_alike_have_even_odds(facing_each_other):
+    one, two, _ = facing_each_other
+    assert match(one, two).odds == pytest.approx(0, abs=0.1)
 
 
-def test_people_who_look_alike_have_no_margin(facing_each_other):
+def test_two_photos_always_have_an_answer(facing_each_other):
+    one, _, _ = facing_each_other
+    other = photo(np.random.default_rng(9).normal(0, 0.5, (1, 55, 3)) + MIDDLE)
+    found = match(in_clothes(one, 20, 60), in_clothes(other, 90))
+    assert len(found.pairs) == 1
+    assert answer_cost(one, other, found.pairs, found.motion, MatchingSettings(), BundleSettings())[0] > 28
+
+
+def test_the_surest_pairs_join_people_over_three_photos(facing_each_other):
+    one, two, _ = facing_each_other
+    third = photo(Pose(TURN.T, MIDDLE - TURN.T @ MIDDLE).to_camera(one.joints[::-1]))
+    people = in_clothes(one, 20, 60), in_clothes(two, 20, 60), in_clothes(third, np.nan, 20)
+    matches = {(a, b): match(people[a], people[b]) for a, b in ((0, 1), (0, 2), (1, 2))}
+    assert join_tracks(people, matches).tolist() == [[0, 0, 1], [1, 1, 0]]
+
+
+def test_a_photo_that_nobody_joins_is_joined_by_its_likeliest_pair(facing_each_other):
+    one, two, _ = facing_each_other
+    people = one, two, two
+    odds = {(0, 1): [[9, -9], [-9, 9]], (0, 2): [[-5, -6], [-6, -2]], (1, 2): [[-5, -6], [-6, -3]]}
+    matches = {pair: PairMatch((), 0.0, Pose.identity(), np.array(own, float)) for pair, own in odds.items()}
+    assert join_tracks(people, matches).tolist() == [[1, 1, 1], [0, 0, -1]]
+
+
+def verdict(*views: SolvedView, rows: list[list[int]]) -> dict[str, list[float | None]]:
+    """Return the values of each check over the photos."""
+    found: dict[str, list[float | None]] = {}
+    for _, name, value, _ in contradictions(views, np.array(rows), SceneSettings()):
+        found.setdefault(name, []).append(value)
+    return found
+
+
+@pytest.fixture
+def solved_views(facing_each_other):
+    """Return both photos with their true cameras, and the floor 1.5 m under the first one."""
     one, two, motion = facing_each_other
-    limit = MatchingSettings().ambiguous
-    assert match_pair(one, two, MatchingSettings()).margin == pytest.approx(0, abs=0.01)
-    assert match_pair(one, two, MatchingSettings(), turned(motion.rotation, 20.0)).margin > limit
-    assert match_pair(in_clothes(one, 20, 60), in_clothes(two, 20, 60), MatchingSettings()).margin > limit
+    down = np.array([0.0, -1.0, 0.0, 1.5])
+    views = [
+        SolvedView(name, people, pose, people.K, (120, 90), down)
+        for name, people, pose in (("a.png", one, Pose.identity()), ("b.png", two, motion))
+    ]
+    return [replace(view, people=in_clothes(view.people, 20, 60)) for view in views]
 
 
-@pytest.fixture(scope="module")
-def choose():
-    """Return a function that chooses from photos of given people, whose pictures are ramps without features."""
-    with Pipeline("mock") as pipeline:
-        result = pipeline(build_world("hug", 4, (120, 90)).image)
-    down, right = np.mgrid[0:255:90j, 0:255:120j]
-    ramps = right, right[:, ::-1], down
-
-    def chosen(*people: PhotoPeople):
-        names = ["a.png", "b.png", "c.png"][: len(people)]
-        pictures = [np.repeat(grey[..., None], 3, axis=2).astype(np.uint8) for grey in ramps]
-        photos = [
-            Photo(i, name, replace(result, image=picture), one)
-            for i, (name, picture, one) in enumerate(zip(names, pictures, people, strict=False))
-        ]
-        return select_photos(photos, names, MatchingSettings(), BackgroundSettings())
-
-    return chosen
+def test_nothing_contradicts_true_cameras(solved_views):
+    found = verdict(*solved_views, rows=[[0, 0], [1, 1]])
+    assert found["view_people"] == [2, 2]
+    assert found["view_nobody"] == [0, 0]
+    assert max(found["view_agreement"]) < 10
+    assert found["view_height"] == pytest.approx([0, 0], abs=1e-9)
 
 
-def test_two_photos_in_which_people_look_alike_are_refused(facing_each_other, choose):
-    one, two, _ = facing_each_other
-    with pytest.raises(InputError) as error:
-        choose(one, two)
-    assert str(error.value) == (
-        "who is who in these photos is not clear, as their people look alike (a.png, b.png): add a photo from a "
-        "direction between the others, or one in which people wear clothes of different colours"
-    )
+def test_people_who_are_not_the_same_person_disagree(solved_views):
+    found = verdict(*solved_views, rows=[[0, 1], [1, 0]])
+    assert min(found["view_agreement"]) > 28
 
 
-def test_two_photos_of_people_in_different_clothes_are_joined(facing_each_other, choose):
-    one, two, _ = facing_each_other
-    found = choose(in_clothes(one, 20, 60), in_clothes(two, 20, 60))
-    assert found.rows.tolist() == [[0, 0], [1, 1]]
-    assert not found.left_out
+def test_a_camera_that_shows_nobody_where_somebody_is_says_so(solved_views):
+    a, b = solved_views
+    alone = {"rows": (0,), "points": b.people.points[:1], "size_px": b.people.size_px[:1], "stature": np.full(1, 1.75)}
+    alone |= {name: getattr(b.people, name)[:1] for name in ("confidence", "landmarks", "joints", "rotations", "betas")}
+    found = verdict(a, replace(b, people=replace(b.people, colours=b.people.colours[:1], **alone)), rows=[[0, 0]])
+    assert found["view_people"] == [1, 1]
+    assert found["view_nobody"] == [0, 1]
 
 
-def test_a_third_photo_in_which_people_look_alike_is_left_out(facing_each_other, choose):
-    one, two, _ = facing_each_other
-    third = photo(Pose(TURN.T, MIDDLE - TURN.T @ MIDDLE).to_camera(one.joints))
-    found = choose(in_clothes(one, 20, 60), in_clothes(two, 20, 60), in_clothes(third, np.nan, np.nan))
-    assert found.rows.tolist() == [[0, 0], [1, 1]]
-    assert [(left.photo, left.reason) for left in found.left_out] == [("c.png", "ambiguous")]
-    assert found.left_out[0].message == (
-        "c.png is skipped: who is who in it is not clear; add a photo from a direction between the others, or one in "
-        "which people wear clothes of different colours"
-    )
+def test_cameras_of_different_heights_over_one_floor_disagree(solved_views):
+    a, b = solved_views
+    found = verdict(a, replace(b, floor=np.array([0.0, -1.0, 0.0, 0.5])), rows=[[0, 0], [1, 1]])
+    assert found["view_height"] == pytest.approx([np.log(3), np.log(3)])
+    assert verdict(a, replace(b, floor=None), rows=[[0, 0], [1, 1]])["view_height"] == [None, None]

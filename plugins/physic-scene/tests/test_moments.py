@@ -139,11 +139,11 @@ def test_the_photo_that_shows_a_person_elsewhere_is_named(solver, config):
     assert moment_document(found)["people"][number]["elsewhere"] == [1]
 
 
-def test_a_photo_of_other_people_is_left_out(solver, config, alone):
+def test_a_photo_whose_people_fit_nowhere_is_left_out(solver, config, alone):
     with Pipeline(config) as pipeline:
         other = pipeline(build_world("sit_on_floor", 3, SIZE).image)
     found = solver.join([*alone, other], ["a.png", "b.png", "c.png", "other.png"])
-    assert [(one.photo, one.reason) for one in found.left_out] == [("other.png", "other people")]
+    assert [(one.photo, one.reason) for one in found.left_out] == [("other.png", "does not fit")]
     assert len(found.cameras) == 3
 
 
@@ -177,7 +177,7 @@ def test_a_person_who_moved_is_solved_without_the_photo_that_differs(solver, con
 def test_photos_without_a_common_person_are_refused(solver, config, alone):
     with Pipeline(config) as pipeline:
         other = pipeline(build_world("sit_on_floor", 3, SIZE).image)
-    message = r"no two of the photos show the same person in the same pose \(a.png, other.png\)"
+    message = "no person of a.png can be where other.png shows one: give photos that were taken at the same moment"
     with pytest.raises(InputError, match=message):
         solver.join([alone[0], other], ["a.png", "other.png"])
 
@@ -260,6 +260,12 @@ def test_each_photo_has_a_check(solved):
     others = [camera.photo for camera in solved.reconstruction.cameras[1:]]
     assert [check.title for check in checks] == [f"Limbs off their keypoints in {photo}" for photo in others]
     assert all(check.ok and check.value is not None for check in checks)
+
+
+def test_each_photo_says_what_holds_its_camera(solved):
+    held = [check for check in solved.reconstruction.checks if check.name == "view_people"]
+    assert [check.value for check in held] == [2, 2, 2]
+    assert not any(check.failed for check in solved.reconstruction.checks if check.name == "view_agreement")
 
 
 def test_a_camera_that_is_wrong_is_named(solved):

@@ -84,7 +84,7 @@ def _figure(width: float, height: float) -> Any:
         from matplotlib.figure import Figure
     except ImportError as error:
         raise PhysicError(
-            f"the plot needs {error.name}: `pip install -e 'plugins/physic-testing[plot]'` in a checkout of PhySIC"
+            f"the plot needs {error.name}: `pip install -e 'plugins/physic-bench[plot]'` in a checkout of PhySIC"
         ) from error
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
