@@ -151,7 +151,7 @@ class _Problem:
         near = float(self.z[self.z >= low - 3 * (middle - low) - 1e-9 * abs(middle)].min())
         size = max(float(np.sqrt(np.mean(self.xy**2))), float(np.quantile(self.z, 0.99)) - near)
         if not size > 0:
-            raise BackendError("all points of the point map are the same: the network answered nothing")
+            raise BackendError("all points of the point map are the same: the network found no depth")
         return -near, size
 
     def focal(self, shift: float) -> float:

@@ -228,7 +228,7 @@ class Checkout:
 
 
 def checkout_commit(folder: Path) -> str:
-    """Return the commit that a folder's repository of git has checked out; "" if it is none. Runs no program."""
+    """Return the commit that a git repository has checked out, without running git; "" if the folder is not one."""
     place = folder / ".git"
     try:
         if place.is_file():  # a worktree or a submodule

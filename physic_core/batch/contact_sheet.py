@@ -31,7 +31,7 @@ _THUMBNAIL = (320, 180)
 
 
 def check_contact_sheet(out: Path) -> None:
-    """Raise OutputError if a file in a folder has the name of its contact sheet and is none of PhySIC."""
+    """Raise OutputError if the contact sheet of a folder would replace a file that PhySIC has not written."""
     check_own(out / _FILE, mark=_MARK)
 
 

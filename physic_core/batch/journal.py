@@ -2,8 +2,8 @@
 
 The last line of an id counts. Lines of one file follow each other in time; of several files, as shards have them, the
 line of the run with the larger number is the later one. No clock decides: machines may have different ones. Each line
-has a checksum; a line that is damaged or cut off, by a crash or a full disk, is ignored, and so is what a damaged line
-could have replaced: see :class:`JournalRows`.
+has a checksum. A damaged or truncated line is ignored. A photo that failed before such a line is tried again, since the
+line may have stated its success: see :class:`JournalRows`.
 """
 
 from __future__ import annotations
@@ -143,8 +143,8 @@ class JournalRows:
 
     Attributes:
         last: the last row of each id.
-        damaged: number of lines that are damaged or cut off.
-        unsure: ids of failed photos that were perhaps done later, in a line that is damaged.
+        damaged: number of damaged or truncated lines.
+        unsure: ids of failed photos for which a later, damaged line may state success.
         run: largest number of a run; 0 without rows.
     """
 
@@ -210,7 +210,7 @@ class _Place:
 
 
 def _lines(folder: Path) -> Iterator[tuple[_Place, dict[str, Any] | None]]:
-    """Yield the place and the row of each line; None for a line that is damaged or cut off."""
+    """Yield the place and the row of each line; None for a damaged or truncated line."""
     for path in sorted(filter(Path.is_file, folder.glob("journal*.jsonl"))):
         with path.open("rb") as file:
             for number, line in enumerate(file):

@@ -74,7 +74,7 @@ class PhotoList:
 
     Attributes:
         photos: in the order of the inputs.
-        skipped: number of files that are none of them, by reason, such as {".txt": 3, "hidden": 1}.
+        skipped: number of skipped files by reason, such as {".txt": 3, "hidden": 1}.
     """
 
     photos: list[PhotoItem]

@@ -36,9 +36,9 @@ class BatchPlan:
         done: number of photos that are done.
         failed: number of photos that failed in an earlier run and are not tried again.
         changed: number of the photos in ``todo`` that were tried before with other content or settings.
-        lost: number of the photos in ``todo`` that were done before, and whose files are gone, cut off or others.
+        lost: number of the photos in ``todo`` that were done before, but with files missing, truncated or replaced.
         versions: versions of physic-core of the rows that are kept.
-        damaged: number of lines of the journals that are damaged or cut off.
+        damaged: number of damaged or truncated lines of the journals.
     """
 
     todo: tuple[PhotoItem, ...]
@@ -56,8 +56,8 @@ def plan_batch(
     """Compare the photos with the journals in the output folder.
 
     A photo is done anew if its content, the configuration, its settings or what is saved differ from its last row, or
-    if its files are gone, cut off or of another run. Content is compared by size and modification time first, then by
-    digest.
+    if its files are missing, truncated or of another run. Content is compared by size and modification time first, then
+    by digest.
 
     Args:
         items: the photos.

@@ -66,7 +66,7 @@ def all_columns() -> tuple[str, ...]:
 
 
 def arrow_schema(columns: Iterable[str]) -> Any:
-    """Return the ``pyarrow.Schema`` of columns; each that is none of the journal is a number."""
+    """Return the ``pyarrow.Schema`` of columns; columns that the journal does not have are numbers."""
     import pyarrow as pa
 
     def kind(name: str) -> Any:

@@ -47,7 +47,7 @@ Task = TypeVar("Task")
 LOAD_LIMIT_S = 1800.0
 """Longest time in which a worker must be open."""
 
-_MAX_ATTEMPTS = 2  # a worker that is killed for want of memory need not be the one whose photo needs it
+_MAX_ATTEMPTS = 2  # a worker can be killed because the photo of another one needs the memory
 _MAX_FAILED_REPLACEMENTS = 3
 _MAX_WORKERS = 1024
 _STARTING = threading.Lock()  # the environment of a process that starts is that of all
@@ -92,7 +92,7 @@ class WorkerSettings:
         timeout: longest time of one task, s; None for no limit.
         logs: folder for what the workers print, one file each; None prints to the terminal.
         single_thread: whether libraries use one thread, unless variables of the environment set more.
-        attempts: how often a task is tried whose worker dies.
+        attempts: maximum number of attempts of a task if its worker dies.
     """
 
     count: int | Callable[[float], int] = 1

@@ -23,8 +23,8 @@ _ADVICE = f"name a folder of your own in {CACHE_VARIABLE}"
 def claim_folder(folder: Path | None) -> Path | None:
     """Create a cache folder that only its user can open, or check that no one else can write to an existing one.
 
-    A folder of the user that others can write is closed to them, and its cache files are deleted, since they can be
-    theirs. A folder of another user is not used. One warning in a process says so. On Windows nothing is checked.
+    A folder of the user that others can write is closed to them, and its cache files are deleted, since others may
+    have written them. A folder of another user is not used. One warning per process says so. Windows is not checked.
 
     Returns:
         The folder, which does not exist if it cannot be created. None for None, and if the folder must not be used.

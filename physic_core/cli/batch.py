@@ -149,9 +149,9 @@ def _describe(plan: BatchPlan, photos: int) -> str:
     if plan.changed:
         parts.append(f"{plan.changed:,} of those to do were done with other content or settings")
     if plan.lost:
-        parts.append(f"{plan.lost:,} of those to do were done, and files of their results are gone or damaged")
+        parts.append(f"{plan.lost:,} of those to do were done, and files of their results are missing or damaged")
     if plan.damaged:
-        parts.append(f"{plan.damaged:,} lines of the journal are damaged or cut off and count for nothing")
+        parts.append(f"{plan.damaged:,} lines of the journal are damaged or truncated, and are ignored")
     others = [version for version in plan.versions if version not in ("", core_version())]
     if others:
         parts.append(f"some were done by physic-core {', '.join(others)}, this is {core_version()}")

@@ -1,4 +1,4 @@
-"""Which requests a command with a page in the browser answers: those of its own page, under its own names."""
+"""Refuse requests that a page of another site could have sent to a command with a page in the browser."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _ORIGIN = re.compile(rf"[a-z][a-z0-9+.-]*://(?P<host>{_HOST.pattern})|null", re.
 
 
 def refuse_foreign(host: str, origin: str | None, names: frozenset[str]) -> tuple[int, str] | None:
-    """Return why a request has to be refused that a page of another site could have sent; None if it is answered.
+    """Return why to refuse a request, which a page of another site could have sent; None to accept it.
 
     A web page can make its reader's browser send requests to 127.0.0.1, and a name server can give 127.0.0.1 a name
     of its owner's choice. It cannot do so with an address, so every address is allowed.

@@ -3,7 +3,7 @@
 New files are written under temporary names, synchronised with the disk, and renamed. Where one file, the index, lists
 the digests of the others, these belong together: the old index is moved away first, and the new one is renamed last.
 A folder without its index has no valid set of files. Until a write has ended, old and new index stay in the folder
-under temporary names, so that the next write knows which files are not of the user (:func:`unfinished_indices`).
+under temporary names, so that the next write knows which files are not of the user (:func:`interrupted_index_files`).
 
 A folder is locked while it is written, where its file system has locks. What a process that was killed has left there
 is deleted by the next write with a lock.
@@ -78,7 +78,7 @@ class AtomicWrite:
         if has_index:
             os.replace(self._parts[self.index], self.folder / self.index)
             self._sync(durable)
-            for path in unfinished_indices(self.folder, self.index):
+            for path in interrupted_index_files(self.folder, self.index):
                 path.unlink(missing_ok=True)
 
     def clean(self) -> None:
@@ -131,7 +131,7 @@ def atomic_write(folder: Path, *, index: str = "", durable: bool = True) -> Iter
         raise _refusal(folder, error) from error
 
 
-def unfinished_indices(folder: Path, index: str) -> list[Path]:
+def interrupted_index_files(folder: Path, index: str) -> list[Path]:
     """Return the old and new indices of writes that were interrupted; those that are not complete too."""
     with suppress(OSError), os.scandir(folder) as entries:
         named = ((entry.path, _INDEX_PART.fullmatch(entry.name)) for entry in entries)

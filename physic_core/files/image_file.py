@@ -124,7 +124,7 @@ class ImageSource:
     def damaged(self) -> InputError:
         """Return the error for a file whose data are damaged."""
         return InputError(
-            f"cannot read the {self}: its data are damaged or cut off; copy it again from where it came, "
+            f"cannot read the {self}: its data are damaged or truncated; copy it again from where it came, "
             "or save it again from a program that shows it completely"
         )
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import OutputError
-from physic_core.files.atomic import unfinished_indices
+from physic_core.files.atomic import interrupted_index_files
 from physic_core.files.regular import read_regular
 from physic_core.files.strict_json import parse_json
 
@@ -145,7 +145,7 @@ def _names_in(folder: Path) -> list[str]:
 
 def _documents(folder: Path) -> list[dict[str, Any]]:
     """Read ``reconstruction.json`` of a folder, and those of runs that were killed while they wrote."""
-    names = [DOCUMENT_FILE, *(path.name for path in unfinished_indices(folder, DOCUMENT_FILE))]
+    names = [DOCUMENT_FILE, *(path.name for path in interrupted_index_files(folder, DOCUMENT_FILE))]
     return [document for name in names if (document := _document(folder, name)) is not None]
 
 

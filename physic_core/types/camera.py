@@ -39,7 +39,7 @@ class Intrinsics:
         focal_sigma: standard deviation of the logarithm of the focal length, or None if it is not known.
 
     Raises:
-        ValueError: ``trust`` is none of the three.
+        ValueError: ``trust`` is not one of the three values.
     """
 
     fx: float

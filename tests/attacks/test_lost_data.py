@@ -28,8 +28,8 @@ def message_of(photo: bytes | Image.Image) -> str:
 
 def damaged(name: str) -> str:
     return (
-        f"cannot read the photo {name}: its data are damaged or cut off; copy it again from where it came, or save it "
-        "again from a program that shows it completely"
+        f"cannot read the photo {name}: its data are damaged or truncated; copy it again from where it came, or save "
+        "it again from a program that shows it completely"
     )
 
 
@@ -98,7 +98,7 @@ def test_damaged_masks_are_refused(tmp_path):
     (tmp_path / "masks.png").write_bytes(file.getvalue())
     assert len(read_masks(tmp_path / "masks.png")) == 2
     (tmp_path / "masks.png").write_bytes(cut(file.getvalue(), 10_000))
-    with pytest.raises(InputError, match="its data are damaged or cut off"):
+    with pytest.raises(InputError, match="its data are damaged or truncated"):
         read_masks(tmp_path / "masks.png")
 
 

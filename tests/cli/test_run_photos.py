@@ -49,7 +49,7 @@ def truncated(path: Path) -> None:
         (lambda path: path.mkdir(), "cannot read the photo a.jpg: it is a folder; name one image file; for many, type"),
         (lambda path: path.write_text("a letter"), "cannot read the photo a.jpg: it is not an image"),
         (lambda path: path.touch(), "cannot read the photo a.jpg: the file is empty (0 bytes); copy it again"),
-        (truncated, "cannot read the photo a.jpg: its data are damaged or cut off; copy it again from where it came"),
+        (truncated, "cannot read the photo a.jpg: its data are damaged or truncated; copy it again from where it came"),
         (lambda path: Image.new("RGB", (8, 8)).save(path), "cannot use the photo a.jpg: it is 8 x 8 px"),
     ],
 )

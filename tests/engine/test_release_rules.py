@@ -60,7 +60,7 @@ def test_body_and_feet_count_ten_times_their_confidence_and_unsure_keypoints_not
 
 
 @pytest.mark.parametrize("skeleton", ["coco_wholebody133", "wholebody69"])
-def test_a_hand_that_is_unsure_in_the_mean_counts_nothing(skeleton: str) -> None:
+def test_a_hand_of_low_mean_confidence_has_no_weight(skeleton: str) -> None:
     names = SKELETONS[skeleton].names
     left = [j for j, n in enumerate(names) if n.startswith("left_") and (n[-1].isdigit() or n.endswith("_root") or
             n.split("_")[1] in ("thumb", "index", "middle", "ring", "pinky"))]  # fmt: skip

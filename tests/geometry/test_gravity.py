@@ -78,7 +78,7 @@ def test_up_is_found_for_any_camera_held_by_hand(pitch: float, roll: float, seed
     assert angle_deg(estimate.up, up(pitch, roll)) < 1.0
 
 
-def test_the_floor_alone_tells_up() -> None:
+def test_up_is_found_from_the_floor_alone() -> None:
     estimate = found(surfaces(camera(20.0), ceiling=0, facing=0, side=0, clutter=0))
     assert angle_deg(estimate.up, up(20.0)) < 0.5
 

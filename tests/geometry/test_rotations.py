@@ -20,7 +20,7 @@ def turns(angle, dtype):
 
 @pytest.mark.parametrize("angle", ANGLES)
 @pytest.mark.parametrize(("dtype", "tolerance"), [(torch.float32, 2e-6), (torch.float64, 2e-12)])
-def test_value_and_slope_are_romas(angle, dtype, tolerance):
+def test_value_and_gradient_agree_with_roma(angle, dtype, tolerance):
     rotvec = turns(angle, dtype)
     weights = torch.randn(20, 3, 3, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
     got, want = rotvec_to_rotmat(rotvec), roma.rotvec_to_rotmat(rotvec.double())

@@ -129,7 +129,7 @@ def test_the_result_of_another_photo_is_replaced_with_overwrite_only(out: Path, 
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")
-def test_a_pipe_is_not_waited_for(out: Path, photo: Path):
+def test_a_named_pipe_does_not_block(out: Path, photo: Path):
     os.mkfifo(out / "scene.glb")
     assert "scene.glb there is not of an earlier run" in refusal(out, file_digest(photo))
     assert file_digest(out / "scene.glb") == file_digest(out) == file_digest(out / "nothing") == ""

@@ -21,8 +21,8 @@ from physic_core.types import Intrinsics
 
 WIDTH, HEIGHT = 96, 72
 DAMAGED = (
-    "its data are damaged or cut off; copy it again from where it came, or save it again from a program that shows it "
-    "completely"
+    "its data are damaged or truncated; copy it again from where it came, or save it again from a program that shows "
+    "it completely"
 )
 
 

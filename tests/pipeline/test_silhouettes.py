@@ -42,7 +42,7 @@ def test_a_body_that_fills_its_mask() -> None:
     assert compare(mask()) == [{"mask_covered_share": 1.0, "body_in_mask_share": 1.0, "low_depth_ratio": None}]
 
 
-def test_a_body_that_covers_the_upper_half_of_a_person() -> None:
+def test_a_body_over_half_of_a_mask_covers_half_of_its_pixels() -> None:
     (found,) = compare(mask(bottom=300))  # 50 by 200 px; clothes may reach 8 px beyond the body
     assert found["mask_covered_share"] == pytest.approx((100 + 8) / 200, abs=0.01)
     assert found["body_in_mask_share"] == 1

@@ -40,7 +40,7 @@ def unreadable(path: Path, error: BaseException, what: str = "") -> DamagedFileE
     """
     if isinstance(error, OSError) and error.errno in _SYSTEM_ERRORS:
         return DamagedFileError(f"{what}{path} cannot be read: {error.strerror}")
-    return DamagedFileError(f"{what}{path} cannot be read: it is damaged or cut off, copy it again")
+    return DamagedFileError(f"{what}{path} cannot be read: it is damaged or truncated, copy it again")
 
 
 @contextmanager

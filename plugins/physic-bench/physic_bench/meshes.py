@@ -66,7 +66,7 @@ def _load(path: Path) -> Any:
     except Exception as error:  # of trimesh's readers, which have many
         if isinstance(error, PermissionError):
             raise unreadable(path, error) from error
-        raise DamagedFileError(f"{path} cannot be read as a mesh: it is damaged or cut off, copy it again") from error
+        raise DamagedFileError(f"{path} cannot be read as a mesh: it is damaged or truncated, copy it again") from error
     if isinstance(mesh, trimesh.Scene):
         mesh = mesh.to_mesh()
     if not len(getattr(mesh, "vertices", ())):

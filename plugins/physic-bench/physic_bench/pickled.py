@@ -50,7 +50,7 @@ def pickled_arrays(path: Path) -> dict[str, Any]:
     except _DAMAGED as error:
         reason = escape_unprintable(str(error)) or type(error).__name__
         raise DamagedFileError(
-            f"{path} is not a complete pickle ({reason}): it is damaged or cut off, copy it again"
+            f"{path} is not a complete pickle ({reason}): it is damaged or truncated, copy it again"
         ) from error
 
 
@@ -66,7 +66,7 @@ def read_object_rows(path: Path, name: str) -> list[Any]:
         with zipfile.ZipFile(path) as archive:
             stream = io.BytesIO(archive.read(f"{name}.npy"))
     except (OSError, zipfile.BadZipFile, zlib.error, EOFError) as error:
-        raise DamagedFileError(f"{path} cannot be read: it is damaged or cut off, copy it again") from error
+        raise DamagedFileError(f"{path} cannot be read: it is damaged or truncated, copy it again") from error
     try:
         version = np.lib.format.read_magic(stream)
         header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
@@ -81,7 +81,7 @@ def read_object_rows(path: Path, name: str) -> list[Any]:
     except InvalidArrayError as error:
         raise DamagedFileError(f"{place} {error}") from error
     except _DAMAGED as error:
-        raise DamagedFileError(f"{place} cannot be read: it is damaged or cut off, copy it again") from error
+        raise DamagedFileError(f"{place} cannot be read: it is damaged or truncated, copy it again") from error
 
 
 def _plain(value: Any, depth: int = 0) -> Any:

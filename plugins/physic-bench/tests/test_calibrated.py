@@ -145,7 +145,7 @@ def test_a_result_that_is_cut_off_is_a_missing_person_with_a_reason(root: Path, 
     file.write_bytes(file.read_bytes()[:200])
     assert evaluated(root, tmp_path / "out", "--results", theirs)["found"] == pytest.approx(2 / 3)
     records = json.loads((tmp_path / "out" / "results.json").read_text())["records"]
-    assert records[1]["reason"] == f"{file} cannot be read: it is damaged or cut off, copy it again"
+    assert records[1]["reason"] == f"{file} cannot be read: it is damaged or truncated, copy it again"
 
 
 VIEWS = ("east", "north", "west", "south")

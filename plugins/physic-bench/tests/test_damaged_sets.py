@@ -47,7 +47,7 @@ def reasons(data_set: Any, root: Path, options: Any, files: Files) -> dict[str, 
 @pytest.mark.parametrize(
     ("old", "new", "reason"),
     [
-        ("</opencv_storage>", "", "{file} is not valid XML: it is damaged or cut off"),
+        ("</opencv_storage>", "", "{file} is not valid XML: it is damaged or truncated"),
         ("<Intrinsics><data>400.0", "<Intrinsics><data>wide", "{file}: Intrinsics holds no numbers"),
         ("<Intrinsics><data>400.0", "<Intrinsics><data>nan", "{file}: Intrinsics has values that are not finite"),
         ("<Intrinsics><data>400.0", "<Intrinsics><data>-400.0", "{file}: Intrinsics has no positive focal lengths and"),

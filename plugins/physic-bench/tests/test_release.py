@@ -90,7 +90,7 @@ def test_a_killed_run_of_the_release_goes_on_to_the_same_rows(
     assert both[0]["left_out"] == both[1]["left_out"]
     rows = [(record["frame"], record["method"]) for record in both[0]["records"]]
     assert rows == [(name, method) for name in (names[0], names[2]) for method in ("release init", "engine from init")]
-    assert both[0]["left_out"][names[1]].endswith("is damaged or cut off, copy it again")
+    assert both[0]["left_out"][names[1]].endswith("is damaged or truncated, copy it again")
 
 
 def test_the_engine_moves_soles_in_contact_towards_the_points_of_the_release(files: Files, tmp_path: Path):

@@ -94,7 +94,7 @@ def open_detector(path: Path, options: OnnxOptions, device: str) -> Detector:
     """Open the ONNX file of a detector.
 
     Raises:
-        BackendError: it cannot be opened, or is none of SIGNATURES.
+        BackendError: it cannot be opened, or is not one of SIGNATURES.
         DeviceError: the device is not there.
     """
     from .sessions import open_network

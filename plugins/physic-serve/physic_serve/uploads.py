@@ -34,7 +34,7 @@ async def read_upload(request: Request, path: Path) -> tuple[str, dict[str, floa
 
     Raises:
         HTTPException: 400 without a photo, 413 for more bytes than allowed, 415 for a file of another kind, 422 for a
-            setting that is no such number.
+            setting that is not a number in its range.
         OSError: the file cannot be written.
     """
     given: dict[str, Any] = dict(request.query_params)

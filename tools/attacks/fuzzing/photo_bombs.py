@@ -12,7 +12,7 @@ from PIL import Image
 SIDE = 12_000
 """Of an image below the limit of 150 megapixels, px."""
 
-DAMAGED = "its data are damaged or cut off"
+DAMAGED = "its data are damaged or truncated"
 TAKES = "GB of memory, more than 1.3 GB; give a smaller version, or a JPEG"
 
 

@@ -146,7 +146,7 @@ def read_json(path: Path) -> Any:
     except OSError as error:
         raise DamagedFileError(f"{path} cannot be read: {error.strerror}") from error
     except (ValueError, RecursionError) as error:
-        raise DamagedFileError(f"{path} is not valid JSON ({error}): it is damaged or cut off") from error
+        raise DamagedFileError(f"{path} is not valid JSON ({error}): it is damaged or truncated") from error
 
 
 def missing_file_messages(root: Path, names: Sequence[tuple[str, str]]) -> list[str]:

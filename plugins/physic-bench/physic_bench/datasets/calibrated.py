@@ -276,7 +276,7 @@ def _json(path: Path) -> Any:
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
-        raise InputError(f"{path} is not valid JSON ({error}): it is damaged or cut off") from error
+        raise InputError(f"{path} is not valid JSON ({error}): it is damaged or truncated") from error
 
 
 DATA_SET = Calibrated()

@@ -278,7 +278,7 @@ def _matrix(file: Path, name: str, shape: tuple[int, int] | None) -> Array:
     except OSError as error:
         raise unreadable(file, error) from error
     except (ElementTree.ParseError, ValueError) as error:
-        raise DamagedFileError(f"{file} is not valid XML: it is damaged or cut off") from error
+        raise DamagedFileError(f"{file} is not valid XML: it is damaged or truncated") from error
     if node is None or not node.text:
         raise DamagedFileError(f"{file} has no {name}/data")
     try:
