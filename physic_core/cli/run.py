@@ -145,8 +145,6 @@ def run(
     if verbose and quiet:
         raise click.UsageError("--verbose prints more and --quiet less: give one of them")
     photo = one_photo(photos)
-    report = _writes_report(report, required=open_page, quiet=quiet)
-
     settings = {"preset": preset, "overrides": overrides, "flags": flags}
     timeout_s = _timeout_s(file, settings)
     # Fast checks come first: no network is loaded before config, files, device and output folder are checked.
@@ -156,6 +154,7 @@ def run(
         from physic_core.discovery.plugins import discover
 
         plan = load_plan(discover(), file, **settings)
+    report = _writes_report(report, required=open_page, quiet=quiet)
     with sigterm_as_exception(), _reserve_folder(photo, out, overwrite) as folder:
         if timeout_s is None:
             from physic_core.pipeline.run import reconstruct_photo

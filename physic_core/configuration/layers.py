@@ -36,6 +36,10 @@ _PATHS = (("body_model", "path"), ("photo", "masks"), ("photo", "depth"), ("phot
 _MAX_BYTES = {".toml": 1_000_000, ".json": 100_000_000}
 """Maximum size of a config file, bytes. A file with every setting has 40,000, a result with 40 people 200,000."""
 
+_YAML = (".yaml", ".yml")
+_YAML_LINE = re.compile(r"(?:\s*(?:#[^\n]*)?\n)*(?:---|[\w-]+:(?:\s|$))")
+"""Matches a text whose first line, without comments, is YAML."""
+
 _MAX_EXTENDS = 16
 """Maximum number of files that extend each other."""
 
@@ -47,7 +51,7 @@ def preset_names() -> tuple[str, ...]:
 
 def is_path(name: str) -> bool:
     """Return whether a text is the path of a file, not the name of a preset."""
-    return name.endswith((".toml", ".json")) or "/" in name or os.sep in name
+    return name.endswith((".toml", ".json", *_YAML)) or "/" in name or os.sep in name
 
 
 def read_layers(file: str | os.PathLike[str] | None, base: str) -> list[SettingsLayer]:
@@ -172,9 +176,15 @@ def _add_folder(table: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def _read_toml(path: Path) -> dict[str, Any]:
+    text = _read_text(path, "name a TOML file")
     try:
-        return parse_toml(_read_text(path, "name a TOML file"))
+        return parse_toml(text)
     except InvalidTextError as error:
+        if path.suffix in _YAML or _YAML_LINE.match(text):
+            raise ConfigError(
+                f"{_show(path)} is YAML, but TOML is needed: write [inpainter] on a line, and "
+                'backend = "telea" below it'
+            ) from error
         raise ConfigError(f"{_show(path)} is not valid TOML: {_show(error, 500)}") from error
 
 

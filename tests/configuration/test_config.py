@@ -293,6 +293,10 @@ def test_files_that_extend_each_other_are_refused(write, tmp_path):
 def test_a_file_that_is_not_there_not_toml_or_not_text_is_refused(write, tmp_path):
     assert refusal("none.toml") == "no config file at none.toml: check the path"
     assert refusal(write("[photo\n")).startswith("config.toml is not valid TOML: ")
+    for name in ("config.yaml", "config.yml", "config.toml"):
+        assert refusal(write("# mine\n\ninpainter:\n  backend: telea\n", name)) == (
+            f'{name} is YAML, but TOML is needed: write [inpainter] on a line, and backend = "telea" below it'
+        )
     Path("config.toml").write_bytes(b"\xff\xfe\x00")
     assert refusal("config.toml").endswith("; save it as UTF-8")
     assert refusal(tmp_path) == f"cannot read the config {tmp_path}: Is a directory; name a TOML file"
