@@ -194,13 +194,10 @@ class Checkout:
                 return ""
             return (
                 f"{self.name} is neither installed nor given: set {self.option} to a checkout of {self.homepage} "
-                f"(git clone {self.homepage})"
+                f"({self._clone()})"
             )
         if not root.is_dir():
-            return (
-                f"there is no folder {root}: set {self.option} to a checkout of {self.homepage} "
-                f"(git clone {self.homepage})"
-            )
+            return f"there is no folder {root}: set {self.option} to a checkout of {self.homepage} ({self._clone()})"
         place = root.joinpath(*self.package.split("."))
         if place.with_suffix(".py").is_file() or place.is_dir():
             return ""
@@ -209,6 +206,12 @@ class Checkout:
             f"{root} is not a checkout of {self.name}, since it has no {wanted}: "
             f"set {self.option} to the root of a checkout of {self.homepage}"
         )
+
+    def _clone(self) -> str:
+        """Return the commands that clone the repository at the commit that the caller states."""
+        clone = f"git clone {self.homepage}"
+        folder = self.homepage.rstrip("/").rpartition("/")[2]
+        return f"{clone} && git -C {folder} checkout {self.commit}" if self.commit else clone
 
     def _import_message(self, error: ModuleNotFoundError) -> str:
         """Return a message for a module that could not be found during an import."""

@@ -102,7 +102,13 @@ def test_a_missing_package_is_named_with_its_pip_name(tmp_path: Path) -> None:
 def test_a_wrong_folder_is_said_before_anything_is_imported(tmp_path: Path) -> None:
     absent = Checkout(str(tmp_path / "no"), name="Thing", package="core.net", homepage="https://example.org/thing")
     other = checkout(tmp_path, {"setup.py": ""})
-    none = Checkout("", name="Thing", package="thing_that_nobody_installed.net", homepage="https://example.org/thing")
+    none = Checkout(
+        "",
+        name="Thing",
+        package="thing_that_nobody_installed.net",
+        homepage="https://example.org/thing",
+        commit="c0ffee",
+    )
     assert absent.missing() == (
         f"there is no folder {tmp_path / 'no'}: set checkout to a checkout of https://example.org/thing "
         "(git clone https://example.org/thing)",
@@ -113,7 +119,7 @@ def test_a_wrong_folder_is_said_before_anything_is_imported(tmp_path: Path) -> N
     )
     assert none.missing() == (
         "Thing is neither installed nor given: set checkout to a checkout of https://example.org/thing "
-        "(git clone https://example.org/thing)",
+        "(git clone https://example.org/thing && git -C thing checkout c0ffee)",
     )
     for side in (absent, other, none):
         with pytest.raises(WeightsMissingError, match=r"checkout of https://example\.org/thing"):

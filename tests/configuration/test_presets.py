@@ -147,9 +147,10 @@ def test_missing_parts_of_a_preset_are_listed_with_the_way_to_get_them(
         assert way.format(name) in advice
         lines.remove(line)
     for project, page in wanted.checkouts.items():
-        lines.remove(
-            f"{project} is neither installed nor given: set checkout to a checkout of {page} (git clone {page})"
-        )
+        start = f"{project} is neither installed nor given: set checkout to a checkout of {page} (git clone {page} && "
+        (line,) = [line for line in lines if line.startswith(start)]
+        assert re.search(r"git -C [\w-]+ checkout [0-9a-f]{40}\)$", line)
+        lines.remove(line)
     for what, way in wanted.others.items():
         (line,) = [line for line in lines if line.startswith(what)]
         assert way in line

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 MANIFEST = Path(__file__).parent / "weights"
 HOMEPAGE = "https://github.com/PRIS-CV/Omnieraser"
+COMMIT = "2d2ffac1f0b4ebb5ca56fba0fee7c9c9ba65840b"
+"""Of the repository's train_control_lora_flux.py, which imports the pipeline; it was read there, and not run."""
 MODULE, PIPELINE = "pipeline_flux_control_removal", "FluxControlRemovalPipeline"
 FLUX_PAGE = "https://huggingface.co/black-forest-labs/FLUX.1-dev"
 FLUX_BYTES = 34_000_000_000
@@ -67,6 +69,7 @@ class OmniEraser(Inpainter):
             name="OmniEraser",
             package=MODULE,
             homepage=HOMEPAGE,
+            commit=COMMIT,
             needs=("torch", "diffusers", "transformers", "accelerate", "peft"),
         )
         self._pipeline: Any = None

@@ -218,7 +218,8 @@ def test_without_a_folder_for_dinov3_nothing_is_loaded(
     before = torch.hub.load, torch.load
     words = (
         "DINOv3 is neither installed nor given: set dinov3_checkout to a checkout of "
-        "https://github.com/facebookresearch/dinov3 (git clone https://github.com/facebookresearch/dinov3)"
+        "https://github.com/facebookresearch/dinov3 (git clone https://github.com/facebookresearch/dinov3 "
+        "&& git -C dinov3 checkout 6876159a11b4df116f30f667f8c9888617df0751)"
     )
     sam = make_sam("dinov3_vith16plus")
     assert words in sam.missing()
