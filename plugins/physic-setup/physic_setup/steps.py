@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
+from physic_core import engine_preset_names
 from physic_core.adapters.checkouts import NON_COMMERCIAL, PIP_NAMES
+from physic_core.configuration.model import load_config
+from physic_core.configuration.problems import ProblemReport
 from physic_core.configuration.resolve import named_weights, resolve
-from physic_core.discovery.catalog import distribution_for, how_to_install
-from physic_core.errors import BackendNotFoundError
+from physic_core.discovery.catalog import ENERGIES, distribution_for, sources_in_checkout
+from physic_core.errors import BackendNotFoundError, ConfigError
 from physic_core.interfaces import INTERFACES, GpuMemory, Packages, Repository, UserFile
 from physic_core.weights.folders import default_download_folder
 from physic_core.weights.locate import locate_files
@@ -73,12 +77,37 @@ class Setup:
     pinned: int = 0
 
 
-def setup_steps(config: Config, registry: Registry, preset: str, folder: Path) -> Setup:
+def read_config(file: Path, preset: str) -> tuple[Config, tuple[str, ...]]:
+    """Return the configuration of an earlier setup or of a preset, and the missing distribution of its engine preset.
+
+    Without that distribution, the configuration has the engine preset "default".
+
+    Raises:
+        ConfigError: the configuration is invalid for another reason.
+    """
+    merged: dict[str, Any] = {}
+
+    def keep(tables: Mapping[str, Any]) -> ProblemReport:
+        merged.update(tables)
+        return ProblemReport()
+
+    read = partial(load_config, file) if file.is_file() else partial(load_config, preset=preset)
+    try:
+        return read(check_tables=keep), ()
+    except ConfigError:
+        engine = merged.get("engine", {}).get("preset")
+        if engine in engine_preset_names() or engine not in ENERGIES:
+            raise
+        return read(flags={"physic setup": {"engine": {"preset": "default"}}}), (ENERGIES[engine],)
+
+
+def setup_steps(config: Config, registry: Registry, preset: str, folder: Path, missing: tuple[str, ...] = ()) -> Setup:
     """Return the steps for a configuration.
 
     Args:
         config: of the preset, or of the file that an earlier setup wrote.
         registry: the installed plugins.
+        missing: distributions that the configuration needs for another thing than a backend.
         preset: that the written configuration extends.
         folder: for checkouts, files of the user and the configuration.
 
@@ -86,7 +115,7 @@ def setup_steps(config: Config, registry: Registry, preset: str, folder: Path) -
         ConfigError: names or options are invalid.
         BackendError: a backend is broken, or the manifest of a plugin is invalid.
     """
-    if uninstalled := _uninstalled(config, registry):
+    if uninstalled := (*missing, *_uninstalled(config, registry)):
         commands = tuple(f"python -m pip install{_constraints()} {_source(name)}" for name in uninstalled)
         return Setup((SetupStep("Plugins of the preset; the same command then lists the rest", False, commands),))
     plan = resolve(config, registry)
@@ -165,9 +194,9 @@ def _uninstalled(config: Config, registry: Registry) -> tuple[str, ...]:
 
 def _source(distribution: str) -> str:
     """Return what pip installs a distribution from: a folder of the checkout of PhySIC, or its name."""
-    words = how_to_install(distribution).strip("`").partition("`")[0].split()
-    root = _root()
-    return f"-e {shlex.quote(str(root / words[-1]))}" if words[-2] == "-e" and root else " ".join(words[2:])
+    root = _root() or Path()
+    folders = sources_in_checkout(distribution)
+    return " ".join(f"-e {shlex.quote(str(root / folder))}" for folder in folders) or shlex.quote(distribution)
 
 
 def _root() -> Path | None:
@@ -189,13 +218,26 @@ def _packages(plan: ResolvedPipeline) -> SetupStep | None:
     if not modules:
         return None
     install = f"python -m pip install{_constraints()}"
-    free = [name for name in lacking if name not in NON_COMMERCIAL]
+    free = [name for name in lacking if name not in {*NON_COMMERCIAL, "torchvision"}]
     return SetupStep(
         f"Packages of Python ({len(modules)})",
         not lacking,
-        (f"{install} {shlex.join(free)}",) if free else (),
+        (
+            *((f"{install} {shlex.join(free)}",) if free else ()),
+            *(_torchvision(install) if "torchvision" in lacking else ()),
+        ),
         tuple(f"no commercial use: {install} {name}" for name in lacking if name in NON_COMMERCIAL),
     )
+
+
+def _torchvision(install: str) -> tuple[str, ...]:
+    """Return the commands that install torchvision in the build of the installed torch, which uv knows the index of."""
+    import torch
+
+    number, _, build = torch.__version__.partition("+")
+    if not build:
+        return (f"{install} torch=={number} torchvision",)
+    return (f"{install} uv", f"python -m uv pip install --torch-backend {build} torch=={number} torchvision")
 
 
 def _is_here(weights: WeightSet, path: str) -> bool:

@@ -185,6 +185,51 @@ def test_a_plugin_that_is_not_installed_is_the_first_step(monkeypatch: pytest.Mo
     assert any(line.startswith("python -m pip install") and "physic-omnieraser" in line for line in lines)
 
 
+@pytest.mark.parametrize(
+    ("preset", "missing"),
+    [
+        ("paper", ["paper", "transformers", "omnieraser", "human", "onnx"]),
+        ("best", ["transformers", "onnx", "human"]),
+        ("open", ["onnx"]),
+    ],
+)
+def test_a_small_installation_is_told_the_plugins_of_each_preset(
+    monkeypatch: pytest.MonkeyPatch, preset: str, missing: list[str]
+) -> None:
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-embedded,physic-setup")
+    printed = physic("setup", preset)
+    installs = [line for line in printed.output.splitlines() if line.startswith("python -m pip install")]
+    assert printed.exit_code == 4
+    assert {line.rpartition("physic-")[2] for line in installs} == set(missing)
+    assert all(" -e " in line for line in installs), "no index is asked for them"
+
+
+@pytest.mark.parametrize(
+    ("version", "expected"),
+    [
+        ("2.13.0", ["python -m pip install", "torch==2.13.0 torchvision"]),
+        ("2.13.0+cpu", ["python -m uv pip install", "--torch-backend cpu torch==2.13.0 torchvision"]),
+    ],
+)
+def test_torchvision_is_of_the_build_of_the_installed_torch(
+    thing: tuple[Path, str], monkeypatch: pytest.MonkeyPatch, version: str, expected: list[str]
+) -> None:
+    import torch
+
+    from physic_setup import steps
+
+    folder = thing[0]
+    written(folder)
+    site = folder / "site" / "physic_thing.py"
+    site.write_text(site.read_text().replace("no_such_package", "torchvision"))
+    monkeypatch.setattr(torch, "__version__", version)
+    monkeypatch.setattr(steps, "find_spec", lambda name: None if name == "torchvision" else name)
+    lines = physic("setup", "embedded", "--folder", "mine").output.splitlines()
+    (line,) = [line for line in lines if line.startswith("python -m") and line.endswith("torchvision")]
+    assert line.startswith(expected[0])
+    assert line.endswith(expected[1])
+
+
 def test_the_open_preset_is_one_download_without_an_account_or_a_condition() -> None:
     from physic_core.configuration.resolve import named_weights, resolve
     from physic_core.discovery.plugins import discover

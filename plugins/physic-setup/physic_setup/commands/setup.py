@@ -16,7 +16,6 @@ from physic_core.cli.output import echo
 from physic_core.errors import OutputError
 
 if TYPE_CHECKING:
-    from physic_core.configuration.model import Config
     from physic_setup.steps import Setup, SetupStep
 
 
@@ -38,7 +37,7 @@ def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool)
     restricts use is never accepted for you. Exits with code 4 if a step is left.
     """
     from physic_core.discovery.plugins import discover
-    from physic_setup.steps import pin_setup
+    from physic_setup.steps import pin_setup, read_config
 
     place = (folder or Path(f"physic-{preset}")).absolute()
     found = _find(preset, place)
@@ -49,7 +48,7 @@ def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool)
             echo(f"{number}. {step.title}: {'done' if step.is_done else 'to do'}")
             if not step.is_done:
                 _run(step)
-        pin_setup(_config(preset, place), discover())
+        pin_setup(read_config(place / f"{preset}.toml", preset)[0], discover())
         found = _find(preset, place)
         left = [step for step in found.steps if not step.is_done]
         echo(f"\n{len(found.steps) - len(left)} of {len(found.steps)} steps are done")
@@ -63,17 +62,10 @@ def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool)
 
 def _find(preset: str, folder: Path) -> Setup:
     from physic_core.discovery.plugins import discover
-    from physic_setup.steps import setup_steps
+    from physic_setup.steps import read_config, setup_steps
 
-    return setup_steps(_config(preset, folder), discover(), preset, folder)
-
-
-def _config(preset: str, folder: Path) -> Config:
-    """Return the configuration that an earlier setup wrote, with the changes of the user, else the preset."""
-    from physic_core.configuration.model import load_config
-
-    written = folder / f"{preset}.toml"
-    return load_config(written) if written.is_file() else load_config(preset=preset)
+    config, missing = read_config(folder / f"{preset}.toml", preset)
+    return setup_steps(config, discover(), preset, folder, missing)
 
 
 def _script(found: Setup, preset: str, folder: Path) -> Iterator[str]:
