@@ -73,8 +73,9 @@ class EmbeddedSegmenterOptions(Options):
     floor: bool = Field(default=True, description="Look for the floor beside the feet, and among the surfaces.")
     surfaces: bool = Field(default=True, description="Label floor, walls, seats and other surfaces.")
     products: Products = Field(
-        default="auto",
-        description="Arithmetic of the mask network's matrix products; auto is int8 on the CPU and float32 elsewhere.",
+        default="float32",
+        description="Arithmetic of the mask network's matrix products; auto is int8 on the CPU and float32 elsewhere. "
+        "With int8, one level of one pixel can move the edge of a mask, and by it the focal length.",
     )
     threads: int = Field(default=2, ge=0, le=256, description="Threads inside one operator; 0 lets onnxruntime choose.")
 
