@@ -65,13 +65,15 @@ def _misregistered(found: Distribution, name: str) -> MisregisteredPlugin | None
         return None
     origin = Origin("", name, found.metadata["Version"] or "")
     cure = f'write [project.entry-points."{PLUGINS_GROUP}"] in its pyproject.toml, and install it again'
-    uses_core = any(_CORE.match(line) for line in found.requires or ())
+    # A plugin need not require the core while that has no release.
+    is_ours = name_is_ours = canonicalize_name(name).startswith("physic-")
+    is_ours |= any(_CORE.match(line) for line in found.requires or ())
     for group in groups:
-        if _is_named_ours(group) or (uses_core and _is_close(group)):
+        if _is_named_ours(group) or (is_ours and _is_close(group)):
             return MisregisteredPlugin(
                 origin, f"its entry points are in the group '{group}', which is not read: {cure}", group
             )
-    if canonicalize_name(name).startswith("physic-"):
+    if name_is_ours:
         return MisregisteredPlugin(
             origin, f"it has no entry point in the group '{PLUGINS_GROUP}', so that no backend of it is found: {cure}"
         )

@@ -28,6 +28,7 @@ def installed_as(site: Any, distribution: str, group: str, requires: str = "") -
         ("heuristics", "physic.plugin", ""),
         ("heuristics", "Physic.Plugins", ""),
         ("physic-mine", "physic", ""),
+        ("physic-mine", "physics.plugins", ""),
         ("heuristics", "physics.plugins", "physic-core>=0.1"),
         ("heuristics", "phyisc.plugins", "physic_core"),
     ],

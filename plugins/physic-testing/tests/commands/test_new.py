@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import importlib
 import os
+import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
@@ -31,11 +34,18 @@ def install(package: Path) -> Path:
     return package
 
 
-def test_a_new_package_passes_its_own_tests(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    done = CliRunner().invoke(main, ["plugins", "new", "my-thing", "--interface", "metric_depth"])
+def new(*arguments: str) -> str:
+    done = CliRunner().invoke(main, ["plugins", "new", *arguments])
     assert done.exit_code == 0, done.output
-    assert done.stdout.splitlines()[-1] == "next: pip install -e physic-my-thing && physic plugins check my-thing"
+    return done.stdout.splitlines()[-1]
+
+
+def test_a_new_package_and_one_more_backend_of_it_pass_their_tests(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    said = new("my-thing", "--interface", "metric_depth")
+    assert said == "next: pip install -e physic-my-thing && physic plugins check my-thing"
+    said = new("other", "--interface", "inpainter", "--add-to", "physic-my-thing")
+    assert said == "next: pip install -e physic-my-thing && physic plugins check other"
     package = install(tmp_path / "physic-my-thing")
     tests = subprocess.run(
         [sys.executable, "-W", "error", "-m", "pytest", "-q", "-p", "no:cacheprovider", "tests"],
@@ -84,6 +94,74 @@ def test_a_new_package_is_the_authors_to_build(tmp_path):
     assert held == {f"physic_my_thing/{name}" for name in ("__init__.py", "inpainter.py", "py.typed")}
 
 
+def test_a_new_package_names_nothing_that_an_index_does_not_have_yet():
+    """Whoever registers such a name could run code on the machines of users; the host checks the versions."""
+    text = plugin_files(PluginNames("my-thing", "inpainter"), "0.1.0", 1)["pyproject.toml"]
+    own = tomllib.loads(text)["project"]
+    assert (own["dependencies"], own["optional-dependencies"]) == (
+        ["numpy>=2.0", "pydantic>=2.9"],
+        {"test": ["pytest>=8.2"]},
+    )
+    released = tomllib.loads(re.sub(r"(?m)^( *)# (.+)  # once released.*", r"\1\2", text))["project"]
+    assert "physic-core>=0.1.0" in released["dependencies"]
+    assert "physic-testing>=0.1.0" in released["optional-dependencies"]["test"]
+
+
+ONE = "BackendRecord('segmenter', 'one', 'own.one:One', api=1)"
+
+
+@pytest.mark.parametrize(
+    "returned",
+    [
+        f"[{ONE}]",
+        f"[{ONE},]",
+        "[]",
+        f"[\n        {ONE},  # the first\n    ]",
+        f"[\n        {ONE}  # é, the first\n    ]",
+    ],
+)
+@pytest.mark.parametrize("above", ["", "src"])
+def test_a_backend_is_added_to_what_an_author_wrote(tmp_path, returned: str, above: str):
+    package = tmp_path / above / "own"
+    package.mkdir(parents=True)
+    (tmp_path / "pyproject.toml").write_text('[project.entry-points."physic.plugins"]\nown = "own"\n')
+    hooks = package / "__init__.py"
+    hooks.write_text(
+        "from physic_core import BackendRecord, hookimpl\n\n\n@hookimpl\ndef physic_backends():\n"
+        f"    return {returned}\n\n\ndef after():\n    return 'é'\n",
+        encoding="utf-8",
+    )
+    new("second", "--interface", "inpainter", "--add-to", str(tmp_path))
+    module: dict[str, Any] = {}
+    exec(hooks.read_text(encoding="utf-8"), module)
+    assert [record.name for record in module["physic_backends"]()] == [*["one"] * ("one" in returned), "second"]
+    assert module["physic_backends"]()[-1].target == "own.inpainter:Second"
+    assert module["after"]() == "é"
+    assert {file.name for file in package.glob("*.py")} == {"__init__.py", "inpainter.py"}
+    new("third", "--interface", "inpainter", "--add-to", str(tmp_path))
+    assert {file.name for file in package.glob("*.py")} == {"__init__.py", "inpainter.py", "third.py"}
+    assert {file.name for file in (tmp_path / "tests").iterdir()} == {"test_conformance.py", "test_third.py"}
+
+
+def test_what_is_not_a_plugin_gets_no_backend(tmp_path):
+    add = ("plugins", "new", "one", "--interface", "inpainter", "--add-to", str(tmp_path))
+    file = tmp_path / "pyproject.toml"
+    assert refusal(*add) == (
+        f'{file} should be the file of a plugin, with one line in [project.entry-points."physic.plugins"]'
+    )
+    file.write_text('[project.entry-points."physic.plugins"]\nown = "own"\n')
+    hooks = tmp_path / "own" / "__init__.py"
+    assert (
+        refusal(*add) == f"there is no {hooks} or {tmp_path / 'src' / 'own' / '__init__.py'}: add the backend by hand"
+    )
+    hooks.parent.mkdir()
+    hooks.write_text("def physic_backends():\n    return RECORDS\n")
+    first, record, *_ = refusal(*add).splitlines()
+    assert first == f"physic_backends() in {hooks} does not return one list in brackets: add by hand"
+    assert record.strip() == "BackendRecord("
+    assert [path.name for path in hooks.parent.iterdir()] == ["__init__.py"]
+
+
 def refusal(*arguments: str) -> str:
     done = CliRunner().invoke(main, list(arguments))
     assert (done.exit_code, done.stdout) == (2, ""), done.output
@@ -104,5 +182,5 @@ def test_names_that_do_not_serve_are_refused(tmp_path, monkeypatch):
     )
     Path("physic-mine").mkdir()
     assert refusal("plugins", "new", "mine", "--interface", "inpainter") == (
-        "physic-mine exists already: choose another name, or another --folder"
+        "physic-mine exists already: choose another name, another --folder, or --add-to physic-mine to add a backend"
     )
