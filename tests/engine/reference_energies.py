@@ -35,7 +35,7 @@ def depth_energy(
         z: (B, V) depth of the vertices, metres.
         log_map_depth: (B, V) logarithm of the depth map at their pixels, finite.
         weight: (B, V), 0 for vertices without a depth.
-        log_scale: () of the scene; the depth map scales with it.
+        log_scale: () of the scene, or (B, 1); the depth map scales with it.
         offset: (B,) log of the ratio between the depth map at the person and the scene's depth.
         sigma: expected difference between the logarithms.
     """
@@ -61,7 +61,7 @@ def reference_surface_energies(
     data: SurfaceInputs, vertices: Tensor, pelvis: Tensor, root: Tensor, log_scale: Tensor, offset: Tensor
 ) -> tuple[Tensor, Tensor]:
     """Arguments and result as of ``surface_energies``."""
-    scale = log_scale.exp()
+    scale = log_scale.exp()[:, None]
     zero = torch.zeros_like(offset)
     energies = dict.fromkeys(SURFACE_ENERGIES, zero)
     signed = height = torch.zeros_like(data.plane_distance)
@@ -71,7 +71,7 @@ def reference_surface_energies(
         height = height_over_plane(vertices, data.floor_normal, data.floor_offset * scale) / scale
     if data.depth is not None:
         s = data.depth
-        mean = depth_energy(vertices[..., 2], data.log_map_depth, s.weight, log_scale, offset, s.sigma, s.rho)
+        mean = depth_energy(vertices[..., 2], data.log_map_depth, s.weight, log_scale[:, None], offset, s.sigma, s.rho)
         energies["depth"] = s.weight.sum(1) * mean
     if data.contact is not None:
         s = data.contact

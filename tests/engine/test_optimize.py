@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from physic_core.engine.joint.optimiser import LbfgsHistory, LbfgsSettings
+from physic_core.engine.joint.optimiser import Gradient, LbfgsHistory, LbfgsSettings
 from physic_core.engine.joint.state import State
 from physic_paper.adam import AdamSettings
 
@@ -65,28 +65,94 @@ def two_loops(pairs, gradient):
     return -q
 
 
-@pytest.mark.parametrize("count", [1, 2, 7, 40, 60])
-def test_the_direction_is_that_of_the_two_loops(count):
-    g = torch.Generator().manual_seed(count)
-    root = torch.randn(90, 90, generator=g).double()
-    hessian = root @ root.T + torch.eye(90).double()
-    curvature, pairs = LbfgsHistory(), []
+def directions_of(hessians, count, generator, groups=None, coupled=None):
+    """Add steps of a quadratic energy to a history: the direction, the pairs of the whole, and a gradient.
+
+    Args:
+        hessians: (B, D + 1, D + 1) of each person and the scale.
+        coupled: (B * D + 1, B * D + 1) Hessian of what people share beside the scale, or None.
+    """
+    people, size = len(hessians), hessians.shape[1] - 1
+    history, pairs = LbfgsHistory(groups), []
+
+    def random_step():
+        return torch.randn(people, size, generator=generator).double(), torch.randn((), generator=generator).double()
+
+    def gradient_at(x, t):
+        g = torch.einsum("bij,bj->bi", hessians, torch.cat([x, t.expand(people, 1)], 1))
+        found, shares = g[:, :-1], g[:, -1]
+        if coupled is not None:
+            found = found + (coupled @ x.reshape(-1)).view_as(x)
+        return Gradient(found, shares)
+
+    zero = gradient_at(torch.zeros(people, size).double(), torch.zeros(()).double())
+    history.direction(zero)
     for _ in range(count):
-        step = torch.randn(90, generator=g).double()
-        pairs.append((step, hessian @ step))
-        curvature.add(*pairs[-1])
-    gradient = torch.randn(90, generator=g).double()
-    want = two_loops(pairs[-40:], gradient)
-    torch.testing.assert_close(curvature.direction(gradient), want, rtol=1e-6, atol=1e-6 * want.norm().item())
+        x, t = random_step()
+        change = gradient_at(x, t)
+        history.add(x, t, zero, change)
+        pairs.append(
+            (torch.cat([x.reshape(-1), t[None]]), torch.cat([change.people.reshape(-1), change.scale.sum()[None]]))
+        )
+    return history, pairs, gradient_at(*random_step())
 
 
-def test_a_step_along_which_the_energy_bends_down_teaches_nothing():
-    curvature = LbfgsHistory()
-    gradient = torch.tensor([3.0, 4.0])
-    before = curvature.direction(gradient)
-    torch.testing.assert_close(before, -0.1 * gradient)  # half a unit long
-    curvature.add(torch.tensor([1.0, 0.0]), torch.tensor([-1.0, 0.0]))
-    assert torch.equal(curvature.direction(gradient), before)
+def flat(people, scale):
+    return torch.cat([people.reshape(-1), scale.reshape(1)])
+
+
+def random_hessians(people, size, generator):
+    root = torch.randn(people, size + 1, size + 1, generator=generator).double()
+    return root @ root.mT + torch.eye(size + 1).double()
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 40, 60])
+@pytest.mark.parametrize("people", [1, 3])
+def test_the_direction_of_one_group_is_that_of_the_two_loops(count, people):
+    g = torch.Generator().manual_seed(count)
+    history, pairs, gradient = directions_of(
+        random_hessians(people, 30, g), count, g, torch.zeros(people, dtype=torch.int64)
+    )
+    want = two_loops(pairs[-40:], flat(gradient.people, gradient.scale.sum()))
+    torch.testing.assert_close(flat(*history.direction(gradient)), want, rtol=1e-6, atol=1e-6 * want.norm().item())
+
+
+@pytest.mark.parametrize("groups", [None, torch.tensor([0, 1, 1, 3])])
+def test_histories_of_groups_come_nearer_to_the_step_of_newton_than_one_history_of_all(groups):
+    g = torch.Generator().manual_seed(0)
+    people, size = 4, 3
+    hessians, coupled = random_hessians(people, size, g), None
+    if groups is not None:
+        link = torch.randn(2 * size, 2 * size, generator=g).double()
+        coupled = torch.zeros(people * size, people * size).double()
+        coupled[size : 3 * size, size : 3 * size] = link @ link.T
+    history, _, gradient = directions_of(hessians, 12, g, groups, coupled)
+    whole = torch.zeros(people * size + 1, people * size + 1).double()
+    if coupled is not None:
+        whole[:-1, :-1] = coupled
+    for i, hessian in enumerate(hessians):
+        rows = torch.tensor([*range(i * size, (i + 1) * size), people * size])
+        whole[rows[:, None], rows] += hessian
+    newton = -torch.linalg.solve(whole, flat(gradient.people, gradient.scale.sum()))
+    found = flat(*history.direction(gradient))
+    g = torch.Generator().manual_seed(0)
+    of_all = torch.zeros(people, dtype=torch.int64)
+    pooled, _, _ = directions_of(random_hessians(people, size, g), 12, g, of_all, coupled)
+    alike = [torch.cosine_similarity(step, newton, 0) for step in (found, flat(*pooled.direction(gradient)))]
+    assert alike[0] > 0.9 > alike[1]
+
+
+def test_a_step_along_which_the_energy_bends_down_teaches_nothing_about_that_person():
+    history = LbfgsHistory()
+    gradient = Gradient(torch.tensor([[3.0, 4.0], [0.0, 0.0]]), None)
+    before, _ = history.direction(gradient)
+    torch.testing.assert_close(before, -0.1 * gradient.people)  # half a unit long
+    after = Gradient(gradient.people + torch.tensor([[-1.0, 0.0], [2.0, 0.0]]), None)
+    history.add(torch.tensor([[1.0, 0.0], [1.0, 0.0]]), None, gradient, after)
+    same, _ = history.direction(gradient)
+    torch.testing.assert_close(same, before)
+    other, _ = history.direction(Gradient(torch.tensor([[3.0, 4.0], [1.0, 0.0]]), None))
+    torch.testing.assert_close(other[1], torch.tensor([-0.5, 0.0]))
 
 
 def test_looks_anew_at_least_every_thirty_steps():

@@ -65,6 +65,7 @@ class Estimate(ShortRepr):
         transl: (B, 3) metres.
         log_scale: () log of the factor on the scene.
         offset: (B,) log of the ratio between the depth map at each person and the scene's depth.
+        log_scales: (B,) ``log_scale`` of each person, which are equal, for derivatives by person.
     """
 
     rotations: Tensor
@@ -72,6 +73,7 @@ class Estimate(ShortRepr):
     transl: Tensor
     log_scale: Tensor
     offset: Tensor
+    log_scales: Tensor
 
 
 @dataclass(frozen=True)
@@ -94,6 +96,10 @@ class State:
     """Free parameters of B people and their scene.
 
     A subclass may parametrise them otherwise, by ``_initial_values`` and ``unpack``.
+
+    Attributes:
+        scale_shares: (B,) zeros that are added to each person's scale: the gradient by one of them is that of one
+            person's energy by the scale.
 
     Args:
         rotations: (B, 55, 3, 3) at the start.
@@ -127,6 +133,7 @@ class State:
             transl.detach(),
             rotations.new_zeros(()),
             rotations.new_zeros(people),
+            rotations.new_zeros(people),
         )
         self._pelvis = pelvis.detach()
         pose_sigmas = torch.empty(len(JOINT_NAMES[BODY]), 3, device=device, dtype=dtype)
@@ -150,6 +157,7 @@ class State:
         self._ray = self._pelvis / self._pelvis[:, 2:]
         self._across = transl.new_tensor([1.0, 1.0, 0.0])
         self.offset_free = (transl.new_zeros(people) + sigmas.offset) > 0
+        self.scale_shares = transl.new_zeros(people).requires_grad_()
         self.values: dict[str, Tensor] = self._initial_values()
         self.free: tuple[str, ...] = tuple(g for g in PARAMETER_GROUPS if g not in frozen)
         for group in self.free:
@@ -186,6 +194,7 @@ class State:
             start.transl + (pelvis - self._pelvis),
             values["scale"] * sigmas["scale"],
             values["offset"] * sigmas["offset"],
+            (values["scale"] + self.scale_shares) * sigmas["scale"],
         )
 
     def deviation(self) -> tuple[Tensor, Tensor]:
@@ -243,6 +252,23 @@ class State:
         """
         for value, part in zip(self.parameters(), self._parts(packed), strict=True):
             value.copy_(part.view_as(value))
+
+    def split(self, packed: Tensor) -> tuple[Tensor, Tensor | None]:
+        """Split a vector of :meth:`pack` into people's parameters (B, D), and the scale () if it is free."""
+        parts = dict(zip(self.free, self._parts(packed), strict=True))
+        scale = parts.pop("scale", None)
+        rows = [part.reshape(self.num_people, -1) for part in parts.values()]
+        people = torch.cat(rows, 1) if rows else packed.new_zeros(self.num_people, 0)
+        return people, None if scale is None else scale[0]
+
+    def merge(self, people: Tensor, scale: Tensor | None) -> Tensor:
+        """Return the vector of :meth:`pack` from the parts of :meth:`split`."""
+        sizes = [self.values[group][0].numel() for group in self.free if group != "scale"]
+        columns = iter(torch.split(people, sizes, 1))
+        none = people.new_zeros(0) if scale is None else scale.reshape(1)
+        return torch.cat(
+            [people.new_zeros(0), *(none if g == "scale" else next(columns).reshape(-1) for g in self.free)]
+        )
 
     @property
     def num_people(self) -> int:

@@ -31,7 +31,7 @@ class AdamSettings(OptimiserSettings):
     learning_rate: Positive = 1e-2
     """Step size of the raw parameters."""
 
-    def start(self, energy: Energy) -> Callable[[int], Block]:
+    def start(self, energy: Energy, groups: Tensor | None = None) -> Callable[[int], Block]:
         """Return a function that takes steps; the moments are kept over updates."""
         parameters = energy.state.parameters()
         optimiser = torch.optim.Adam(parameters, lr=self.learning_rate) if parameters else None

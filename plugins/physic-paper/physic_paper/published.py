@@ -41,12 +41,14 @@ class UnwhitenedState(State):
         start, values = self.start, self.values
         body_and_hands = [roma.special_gramschmidt(values[group]) for group in ("pose", "hands")]
         first = roma.special_gramschmidt(values["root"])[:, None]
+        log_scale = values["scale"].clamp(min=1e-3).log()
         return Estimate(
             torch.cat([first, body_and_hands[0], start.rotations[:, FACE], body_and_hands[1]], 1),
             values["betas"],
             values["translation"],
-            values["scale"].clamp(min=1e-3).log(),
+            log_scale,
             values["offset"],
+            log_scale.expand(len(values["offset"])),
         )
 
 

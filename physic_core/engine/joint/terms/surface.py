@@ -80,7 +80,7 @@ class _SurfaceEnergies(torch.autograd.Function):
         vertices: (B, n, 3) metres.
         pelvis: (B, 3) metres.
         root: (B, 3, 3) rotation of the root.
-        log_scale: () of the scene.
+        log_scale: () of the scene, or (B,) the same for each person, for the derivatives by person.
         offset: (B,) logarithm of the depth offset of each person.
 
     Returns:
@@ -95,7 +95,7 @@ class _SurfaceEnergies(torch.autograd.Function):
         none = torch.zeros_like(offset)
         energies = dict.fromkeys(SURFACE_ENERGIES, none)
         slopes: dict[str, Tensor] = {}
-        unit = 1.0 / log_scale.exp()
+        unit = 1.0 / log_scale.exp().reshape(-1, 1)
 
         ahead = signed = over = height = torch.zeros_like(data.plane_distance)
         if data.normals is not None:
@@ -126,7 +126,7 @@ class _SurfaceEnergies(torch.autograd.Function):
         feet = [sole[lowest_sole_indices(height[:, sole])] if len(sole) else None for sole in data.soles]
         lowest = [none if foot is None else height.gather(1, foot).mean(1) for foot in feet]
 
-        ctx.data, ctx.slopes, ctx.feet = data, slopes, feet
+        ctx.data, ctx.slopes, ctx.feet, ctx.of_scale = data, slopes, feet, log_scale.shape
         ctx.save_for_backward(points, ahead, over, unit)
         return torch.stack([energies[name] for name in SURFACE_ENERGIES]), torch.stack(lowest, 1)
 
@@ -138,7 +138,7 @@ class _SurfaceEnergies(torch.autograd.Function):
         of_terms = dict(zip(SURFACE_ENERGIES, gradients[0][..., None], strict=True))
         of_feet = gradients[1].unbind(1)
         slopes: dict[str, Tensor] = ctx.slopes
-        by_scale = torch.zeros_like(unit)
+        by_scale = torch.zeros_like(points[:, 0, 0])
         by_offset = None
 
         # Gradients by the distance to the scene, by the height over the floor, and by that height at the last scale.
@@ -160,10 +160,10 @@ class _SurfaceEnergies(torch.autograd.Function):
         by_point = torch.zeros_like(points)
         if data.normals is not None:
             by_point = (unit * by_signed)[:, None] * data.normals
-            by_scale = by_scale - (by_signed * ahead).sum()
+            by_scale = by_scale - (by_signed * ahead).sum(1)
         if data.floor_normal is not None:
             by_point = by_point + (unit * (by_height + by_last))[:, None] * data.floor_normal[:, None]
-            by_scale = by_scale - (by_height * over).sum()
+            by_scale = by_scale - (by_height * over).sum(1)
         by_deviation = of_terms["mesh"][..., None] * slopes["mesh"]
         by_point = by_point + by_deviation
         by_pelvis, by_root = -by_deviation.sum(2), -by_deviation @ data.relative.transpose(1, 2)
@@ -172,8 +172,8 @@ class _SurfaceEnergies(torch.autograd.Function):
             away = points[:, 2]
             by_point[:, 2] += torch.where(away > MIN_DEPTH_M, by_log / away, torch.zeros_like(away))
             by_offset = -by_log.sum(1)
-            by_scale = by_scale + by_offset.sum()
-        return None, by_point.transpose(1, 2), by_pelvis, by_root, by_scale, by_offset
+            by_scale = by_scale + by_offset
+        return None, by_point.transpose(1, 2), by_pelvis, by_root, by_scale.sum_to_size(ctx.of_scale), by_offset
 
 
 surface_energies: Callable[[SurfaceInputs, Tensor, Tensor, Tensor, Tensor, Tensor], tuple[Tensor, Tensor]] = (
@@ -242,7 +242,7 @@ class SurfaceTerms(Term):
         """Return the energy of each term that is not off: name -> (B,)."""
         parts, surface, e = self.parts, self.surface, bodies.estimate
         values, lowest = self.energies(
-            surface, bodies.vertices, bodies.joints[:, 0], e.rotations[:, 0], e.log_scale, e.offset
+            surface, bodies.vertices, bodies.joints[:, 0], e.rotations[:, 0], e.log_scales, e.offset
         )
         sums = (surface.depth, surface.contact, surface.penetration, surface.floor)
         energies = {n: v for n, v, on in zip(SURFACE_ENERGIES, values[:4], sums, strict=False) if on is not None}
