@@ -34,7 +34,7 @@ SECTIONS = {
         "docs/cache",
         "docs/containers",
     ],
-    "Judge": ["docs/checks", "docs/evaluation", "docs/metrics", "benchmarks/README"],
+    "Judge": ["docs/checks", "docs/evaluation", "docs/paper", "docs/metrics", "benchmarks/README"],
     "Extend": [
         "docs/plugins",
         "contrib/README",
