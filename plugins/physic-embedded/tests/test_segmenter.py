@@ -317,11 +317,12 @@ def rectangle(rows: slice, columns: slice = slice(None)) -> NDArray[np.bool_]:
     return mask
 
 
-def test_labels_extend_the_floor_that_people_stand_on_and_no_step() -> None:
+def test_labels_extend_the_floor_beside_the_feet_where_they_touch_it() -> None:
     person, labelled = rectangle(slice(20, 70), slice(40, 50)), rectangle(slice(60, 100))
     surfaces = SurfaceLabels(labelled.astype(np.uint8), ("unknown", "floor"))
     nobody, nothing = np.zeros_like(person), np.zeros_like(person)
-    near, step = rectangle(slice(65, 80), slice(30, 60)) & ~person, rectangle(slice(50, 60), slice(30, 60)) & ~person
+    near = rectangle(slice(65, 80), slice(30, 60)) & ~person
+    step = rectangle(slice(40, 50), slice(30, 60)) & ~person
     assert (add_labelled_floor(near, surfaces, person) == (labelled & ~person)).all()
     assert (add_labelled_floor(step, surfaces, person) == step).all()
     apart = SurfaceLabels((labelled | rectangle(slice(0, 5))).astype(np.uint8), ("unknown", "floor"))

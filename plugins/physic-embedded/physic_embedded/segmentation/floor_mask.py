@@ -25,7 +25,6 @@ FEET = ((27, 29, 31), (28, 30, 32))
 """Landmark indices of ankle, heel and toe of the left and the right foot."""
 
 _LEAST_LABELLED = 0.02  # of the picture; a smaller floor among the labels is ignored
-_LEAST_SHARED = 0.6  # of the smaller of two masks, if both show the same floor
 
 
 def visible_feet(pose: Pose, width: int, height: int, clear: float = 0.5) -> list[Float]:
@@ -89,10 +88,8 @@ def floor_mask(
 def add_labelled_floor(beside_feet: Bool, surfaces: SurfaceLabels, people: Bool) -> Bool:
     """Return the floor (H, W) by two opinions: the mask beside people's feet, and the labels of surfaces.
 
-    Without people, the labels are the floor. Otherwise they extend the mask where they are connected with it, if the
-    smaller of the two mostly lies in the other: then people stand on the labelled floor. If not, they stand on
-    something else, which alone is the floor, as on a step or a treadmill. Where people have no visible feet, the labels
-    are not used, since they may show a bench that people sit on.
+    Without people, the labels are the floor. Otherwise they extend the mask where they are connected with it. Where
+    people have no visible feet, the labels are not used, since they may show a bench that people sit on.
 
     Args:
         beside_feet: (H, W) of :func:`floor_mask`.
@@ -104,9 +101,7 @@ def add_labelled_floor(beside_feet: Bool, surfaces: SurfaceLabels, people: Bool)
         return beside_feet
     if not people.any():
         return np.asarray(labelled)
-    shared = (beside_feet & labelled).sum()
-    on_it = shared > _LEAST_SHARED * min(beside_feet.sum(), labelled.sum())
-    return _parts_that_touch(beside_feet | labelled, beside_feet) if on_it else beside_feet
+    return _parts_that_touch(beside_feet | labelled, beside_feet)
 
 
 def _parts_that_touch(mask: Bool, wanted: Bool) -> Bool:
