@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Hints, Intrinsics, UInt8Array
     from physic_testing.worlds import World
 
+_LEAST_SIGMA = 1e-3  # of log scale: 0 is not a standard deviation
 _WARP_WAVES = 2.0  # across the longer side of the image
 _DISAGREEMENT_WAVES = 3.0
 _BUMP_WAVES = 16.0
@@ -135,7 +136,7 @@ class MockMetricDepth(interfaces.MetricDepth):
         return DepthMap(
             depth=np.where(np.isfinite(depth), depth, np.nan).astype(np.float32),
             intrinsics=camera if options.knows_camera else None,
-            scale_sigma=own_sigma if options.stated_sigma is None else options.stated_sigma,
+            scale_sigma=max(own_sigma, _LEAST_SIGMA) if options.stated_sigma is None else options.stated_sigma,
             notes=(f"mock: true depth{stated} with errors of noise model {options.version} times {noise:g}",),
         )
 

@@ -143,6 +143,11 @@ def test_metric_depth_is_wrong_by_its_scale_and_a_warp(world):
     assert depth.notes == (f"mock: true depth times 1.25 with errors of noise model {NOISE_VERSION} times 1",)
 
 
+def test_metric_depth_without_noise_states_a_small_scale_sigma_that_is_valid(world):
+    found = MockMetricDepth(MetricDepthOptions(noise=0)).infer(world.empty_image, Hints())
+    assert found.scale_sigma == 1e-3
+
+
 def test_ragged_masks_stay_near_the_truth(world):
     options = SegmenterOptions(raggedness_px=1.5, missed_ends=0, strays=0)
     for mask, truth in zip(MockSegmenter(options).infer(world.image).masks, world.masks, strict=True):
