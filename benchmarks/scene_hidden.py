@@ -87,7 +87,7 @@ def _counts(results: Sequence[Any], shown: Sequence[list[int]]) -> dict[str, int
     model, settings = load_body("embedded").to(dtype=torch.float64), SceneSettings()
     photos = [Photo(i, str(i), result, observe(result, model)) for i, result in enumerate(results)]
     try:
-        chosen = select_photos(photos, [photo.name for photo in photos], settings.matching, settings.background)
+        chosen = select_photos(photos, [photo.name for photo in photos], settings)
         solved = solve_cameras(chosen, (), model, settings)
     except InputError:
         return {"moments without a solution": 1}

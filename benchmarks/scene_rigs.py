@@ -1,0 +1,266 @@
+"""Several photos of calibrated rigs, without their cameras: who is joined, errors of cameras and people, and grades.
+
+A command of ``benchmarks.scene``. Moments of two, three and four photos are all those of the sets, and wrong pairs are
+made of the photos of both sets. Three moments of panoptic gave the numbers of the matching and the bounds of the checks
+of photos; the others, and roundtable, are reported apart. Truth of who is who and of people's places is triangulated
+with the true cameras of all photos of a moment.
+"""
+
+from __future__ import annotations
+
+import itertools
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+CHOSEN_ON = ("00004500", "00006859", "00013007")
+"""Moments of panoptic on which numbers were chosen."""
+COUNTS = {"pairs": 2, "threes": 3, "fours": 4}
+SEEN = 0.3  # confidence of a keypoint
+FEWEST = 4  # keypoints that two photos must share to say who is who
+APART_M = 0.5  # at which the distance of two rays is cut
+SAME_M = 0.25  # largest mean distance of the rays of one person
+RIGHT_DEG = 20.0
+
+
+@dataclass(frozen=True)
+class Photo:
+    """One photo of a rig.
+
+    Attributes:
+        name: of the photo.
+        moment: that it shows.
+        camera: the true one, of the picture in the file.
+        result: of the photo alone, without its camera.
+        pixels: (N, J, 2) keypoints of its people, px of the picture in the file.
+        confidence: (N, J).
+    """
+
+    name: str
+    moment: str
+    camera: Any
+    result: Any
+    pixels: Any
+    confidence: Any
+
+
+def run_rigs(data: Path, out: Path, kinds: Sequence[str], most: int) -> None:
+    """Print the figures of each kind of moments, for those on which numbers were chosen, and for the others."""
+    from physic_core import load_config
+    from physic_scene import Scene
+
+    missing = [name for name in ("panoptic", "roundtable") if not (data / name / "cameras.json").is_file()]
+    if missing:
+        print(f"skipped: {data} has no {' and no '.join(missing)}; they are sets of benchmarks.truth", file=sys.stderr)
+        return
+    out.mkdir(parents=True, exist_ok=True)
+    with Scene(load_config()) as scene:
+        photos = list(_photos(scene, data, out))
+        moments = {m: [p for p in photos if p.moment == m] for m in dict.fromkeys(photo.moment for photo in photos)}
+        number = {m: who_is_who(own) for m, own in moments.items()}
+        for kind in kinds:
+            rows: dict[bool, list[dict[str, float]]] = {True: [], False: []}
+            groups = list(_wrong(moments) if kind == "wrong" else _groups(moments, COUNTS[kind]))
+            for group in [groups[k] for k in np.unique(np.linspace(0, len(groups) - 1, most).round().astype(int))]:
+                chosen = all(photo.moment in CHOSEN_ON or kind == "wrong" for photo in group[:1])
+                truth = None if kind == "wrong" else _of(group, moments[group[0].moment], number[group[0].moment])
+                rows[chosen].append(_scores(scene, group, truth))
+                print(kind, [photo.name for photo in group], rows[chosen][-1], file=sys.stderr, flush=True)
+            for chosen, label in ((True, "numbers were chosen on these"), (False, "took no part")):
+                _print(f"{kind}, {label}", rows[chosen])
+
+
+def _photos(scene: Any, data: Path, out: Path) -> Iterator[Photo]:
+    """Yield the photos of both rigs, from results that are kept in a folder."""
+    from benchmarks.scene import kept
+    from benchmarks.truth.sets import SETS, picture_of
+
+    for name in ("panoptic", "roundtable"):
+        for sample in SETS[name](data / name):
+
+            def alone(sample: Any = sample) -> Any:
+                return scene.alone(picture_of(sample)[..., ::-1].copy())
+
+            result = kept(out / f"{name}-{sample.name}-free.pkl", alone)
+            camera = sample.truth["camera"]
+            zoom = camera.width / result.intrinsics.width  # a large photo is reduced before it is reconstructed
+            pixels = np.stack([zoom * (person.keypoints + 0.5) - 0.5 for person in result.people])
+            confidence = np.stack([person.keypoint_confidence for person in result.people])
+            yield Photo(sample.name, sample.group, camera, result, pixels, confidence)
+
+
+def _groups(moments: Mapping[str, Sequence[Photo]], count: int) -> Iterator[tuple[Photo, ...]]:
+    for photos in moments.values():
+        yield from itertools.combinations(photos, count)
+
+
+def _wrong(moments: Mapping[str, Sequence[Photo]]) -> Iterator[tuple[Photo, ...]]:
+    """Yield pairs of photos of different rigs."""
+    *panoptic, roundtable = moments.values()
+    yield from itertools.product(itertools.chain.from_iterable(panoptic), roundtable)
+
+
+def who_is_who(photos: Sequence[Photo]) -> list[list[int]]:
+    """Return the number of each person of each photo, by the distances of their keypoints' rays with true cameras.
+
+    The nearest people are joined first, as long as no photo shows a person twice.
+    """
+    people = [(v, i) for v, photo in enumerate(photos) for i in range(len(photo.pixels))]
+    apart = {pair: _rays_apart(photos, *pair) for pair in itertools.combinations(people, 2) if pair[0][0] != pair[1][0]}
+    groups = [[person] for person in people]
+    while True:
+        near: list[tuple[float, int, int]] = []
+        for g, h in itertools.combinations(range(len(groups)), 2):
+            if not {v for v, _ in groups[g]} & {v for v, _ in groups[h]}:
+                found = [apart[min(a, b), max(a, b)] for a in groups[g] for b in groups[h]]
+                known = [distance for distance in found if np.isfinite(distance)]
+                near += [(float(np.mean(known)), g, h)] if known else []
+        if not near or min(near)[0] > SAME_M:
+            break
+        _, g, h = min(near)
+        groups[g] += groups.pop(h)
+    number = {person: k for k, group in enumerate(groups) for person in group}
+    return [[number[v, i] for i in range(len(photo.pixels))] for v, photo in enumerate(photos)]
+
+
+def _rays_apart(photos: Sequence[Photo], one: tuple[int, int], two: tuple[int, int]) -> float:
+    """Return the mean distance of the rays of the keypoints of two people, metres; NaN with too few."""
+    (a, i), (b, j) = one, two
+    both = (photos[a].confidence[i] > SEEN) & (photos[b].confidence[j] > SEEN)
+    if both.sum() < FEWEST:
+        return float("nan")
+    first, second = (_rays(photos[v], k)[both] for v, k in (one, two))
+    normal = np.cross(first, second)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
+    return float(np.minimum(np.abs(normal @ (photos[b].camera.centre - photos[a].camera.centre)), APART_M).mean())
+
+
+def _rays(photo: Photo, person: int) -> Any:
+    """Return the directions (J, 3) of a person's keypoints in the frame of the rig."""
+    pixels = np.column_stack([photo.pixels[person], np.ones(len(photo.pixels[person]))])
+    rays = pixels @ np.linalg.inv(photo.camera.K).T @ photo.camera.R
+    return rays / np.linalg.norm(rays, axis=1, keepdims=True)
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What is true of the photos of a group: numbers of their people, and their hips (3,), metres, frame of the rig."""
+
+    number: list[list[int]]
+    hips: dict[int, Any]
+
+
+def _of(group: Sequence[Photo], moment: Sequence[Photo], number: Sequence[list[int]]) -> Truth:
+    """Return the truth of a group of photos, with people whom at least three photos of the moment show."""
+    views: dict[int, list[tuple[Photo, int]]] = {}
+    for photo, own in zip(moment, number, strict=True):
+        for i, person in enumerate(own):
+            views.setdefault(person, []).append((photo, i))
+    hips = {p: found for p, seen in views.items() if (found := _triangulated_hips(seen)) is not None}
+    return Truth([number[list(moment).index(photo)] for photo in group], hips)
+
+
+def _triangulated_hips(seen: Sequence[tuple[Photo, int]]) -> Any:
+    """Return the point between both hips, from all photos that show them; None with fewer than three."""
+    points = []
+    for name in ("left_hip", "right_hip"):
+        left, right, count = np.zeros((3, 3)), np.zeros(3), 0
+        for photo, i in seen:
+            k = _skeleton(photo.result).index(name)
+            if photo.confidence[i, k] > SEEN:
+                ray = _rays(photo, i)[k]
+                across = np.eye(3) - np.outer(ray, ray)
+                left, right, count = left + across, right + across @ photo.camera.centre, count + 1
+        if count < 3:
+            return None
+        points.append(np.linalg.solve(left, right))
+    return np.mean(points, axis=0)
+
+
+def _skeleton(result: Any) -> list[str]:
+    from physic_core.types import skeleton_named
+
+    return list(skeleton_named(result.skeleton).names)
+
+
+def _scores(scene: Any, group: Sequence[Photo], truth: Truth | None) -> dict[str, float]:
+    """Return the figures of one moment; truth is None for photos of different rigs."""
+    from physic_core.errors import InputError
+    from physic_core.types import Grade
+
+    try:
+        found = scene.join([photo.result for photo in group], [photo.name for photo in group])
+    except InputError:
+        return {"refused": 1.0} | ({} if truth is None else {"right people": 0.0, "and cameras": 0.0})
+    views = [check for check in found.reconstruction.checks if check.name.startswith("view_")]
+    failed = {check.name for check in views if check.failed}
+    scores = {
+        "refused": 0.0,
+        "cameras good": float(not failed),
+        "cameras bad": float(len(failed) > 1),
+        "result good": float(found.reconstruction.grade is Grade.GOOD),
+        "result bad": float(found.reconstruction.grade is Grade.BAD),
+    }
+    if truth is None:
+        return scores
+    people = [
+        {truth.number[c.index][i] for c in found.cameras for i, own in enumerate(c.people) if own == person}
+        for person in range(len(found.people))
+    ]
+    reference = group[found.reference].camera
+    turns = [_turn_deg(c.rotation @ reference.R @ group[c.index].camera.R.T) for c in found.cameras]
+    right = all(len(own) < 2 for own in people)
+    near = max(turns) < RIGHT_DEG and len(found.cameras) == len(group)
+    scores |= {"right people": float(right), "and cameras": float(right and near)}
+    scores |= {f"of these {name}": scores[name] for name in ("cameras good", "cameras bad") if right and near}
+    return scores | _hips(found, group, truth, people)
+
+
+def _hips(found: Any, group: Sequence[Photo], truth: Truth, people: Sequence[set[int]]) -> dict[str, float]:
+    """Return the errors of hips, mm, after one similarity, and of single photos placed by the true cameras."""
+    from physic_core.body import JOINT_INDEX
+
+    left, right = JOINT_INDEX["left_hip"], JOINT_INDEX["right_hip"]
+    own, single, fact = [], [], []
+    for person, numbers in zip(found.people, people, strict=True):
+        for number in numbers & truth.hips.keys() if person.solved and len(numbers) == 1 else ():
+            shown = [
+                photo.camera.in_world(photo.result.people[i].joints[[left, right]].astype(np.float64).mean(0))
+                for photo, own_numbers in zip(group, truth.number, strict=True)
+                for i, other in enumerate(own_numbers)
+                if other == number
+            ]
+            own.append(person.joints[[left, right]].mean(0))
+            single.append(np.mean(shown, axis=0))
+            fact.append(truth.hips[number])
+    if not own:
+        return {}
+    # Centres of cameras take part in the similarity: two people alone would fit any.
+    centres = [camera.centre for camera in found.cameras]
+    true = [group[camera.index].camera.centre for camera in found.cameras]
+    moved = _similar(np.array([*own, *centres]), np.array([*fact, *true]))[: len(own)]
+    away, alone = (np.linalg.norm(np.array(x) - fact, axis=1).mean() for x in (moved, single))
+    return {"hips mm": 1000 * float(away), "hips of single photos mm": 1000 * float(alone)}
+
+
+def _similar(source: Any, target: Any) -> Any:
+    """Return points (n, 3) after the similarity that fits them best to others (Umeyama 1991)."""
+    a, b = source - source.mean(0), target - target.mean(0)
+    u, s, vt = np.linalg.svd(b.T @ a)
+    sign = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    return (s * sign).sum() / (a**2).sum() * a @ ((u * sign) @ vt).T + target.mean(0)
+
+
+def _turn_deg(rotation: Any) -> float:
+    return float(np.degrees(np.arccos(np.clip((np.trace(rotation) - 1) / 2, -1, 1))))
+
+
+def _print(title: str, rows: Sequence[Mapping[str, float]]) -> None:
+    """Print the mean of each figure, and the number of moments that have it."""
+    for name in dict.fromkeys(key for row in rows for key in row):
+        values = [row[name] for row in rows if name in row]
+        print(f"| {title} | {name} | {np.mean(values):.3g} | {len(values)} |")
