@@ -18,6 +18,7 @@ from physic_scene.rigid import Pose
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import BoolArray, FloatArray, IntArray
+    from physic_scene.observations import PhotoPeople
     from physic_scene.selection import ChosenPhotos
     from physic_scene.settings import SceneSettings
 
@@ -130,8 +131,8 @@ class _Adjusted:
 
 
 def _adjusted(chosen: ChosenPhotos, rows: IntArray, statures: Sequence[float], settings: SceneSettings) -> _Adjusted:
-    reference = reference_photo(rows)
     people = [photo.people for photo in chosen.photos]
+    reference = reference_photo(rows, people)
     known = _known_statures(chosen, rows, statures)
     observations = _with_statures(Observations.of(people, rows, chosen.background), chosen, rows, known)
     start = Bundle.start(observations, start_poses(chosen, reference))
@@ -172,9 +173,11 @@ def keypoint_errors(observations: Observations, bundle: Bundle) -> FloatArray:
     return errors
 
 
-def reference_photo(rows: IntArray) -> int:
-    """Return the first photo that shows most people of the scene."""
-    return int(np.argmax((rows >= 0).sum(0)))
+def reference_photo(rows: IntArray, people: Sequence[PhotoPeople]) -> int:
+    """Return the photo that shows most people of the scene, and of several the one that shows most of their bodies."""
+    shown = rows >= 0
+    seen = [photo.confidence[rows[shown[:, v], v]].sum() for v, photo in enumerate(people)]
+    return max(range(len(people)), key=lambda v: (shown[:, v].sum(), seen[v]))
 
 
 def _seen_elsewhere(found: _Adjusted, bad: BoolArray, settings: SceneSettings) -> tuple[int, int] | None:

@@ -90,7 +90,7 @@ class Scene:
             progress: called when each stage begins.
 
         Returns:
-            Everything in metres in the frame of the reference camera: that of the first photo that shows most people.
+            Everything in metres in the frame of the reference camera: that of the photo that shows most people.
 
         Raises:
             InputError: there are too few or too many photos, or fewer than two show the same people.

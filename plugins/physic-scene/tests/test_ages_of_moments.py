@@ -78,15 +78,12 @@ def test_ages_are_as_many_as_the_people_of_the_first_photo(solver, worlds):
     assert str(error.value) == message
 
 
-@pytest.mark.parametrize("name", ["age", "stature"])
-def test_known_sizes_of_a_photo_that_is_left_out_are_refused(solver, worlds, name):
-    other = build_world("sit_side_by_side", 3, (160, 120)).image
-    values = {"age": (YEARS, 0.0), "stature": (1.8, 0.0)}[name]
+def test_statures_of_a_photo_that_is_left_out_are_refused(solver, alone):
     with pytest.raises(InputError) as error:
-        solver([other, *(world.image for world in worlds)], known=KnownSizes(**{name: values}))
+        solver.join([replace(alone[0], people=()), *alone], statures=(1.8, 0.0))
     assert str(error.value) == (
-        f"the {name}s are those of people of the first photo, but photo 1 is skipped: it shares no person with the "
-        "other photos, in this pose; put another photo first"
+        "the statures are those of people of the first photo, but photo 1 is skipped: nobody in it has a body; put "
+        "another photo first"
     )
 
 

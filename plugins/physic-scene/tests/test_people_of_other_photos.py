@@ -15,6 +15,7 @@ from physic_testing.worlds import build_world, view_names
 QUIET = {name: {"options": {"noise": 0.25}} for name in INTERFACES}
 MISSED = {**QUIET, "segmenter": {"options": {"noise": 0.25, "noise_seed": 4, "missed_people": 0.9}}}
 """Of the four people of the world, the photos show 0, 1, 3, then 0, 1, 2, then 1, 2, 3."""
+NAMES = ["a.png", "b.png", "c.png"]
 
 
 @pytest.fixture(scope="module")
@@ -24,10 +25,16 @@ def found():
     with Pipeline(config) as pipeline:
         alone = [pipeline(world.image) for world in worlds]
     with Scene(config) as scene:
-        return scene.join(alone, ["a.png", "b.png", "c.png"])
+        return scene.join(alone, NAMES)
 
 
-def test_a_person_of_other_photos_is_in_the_result(found):
+@pytest.fixture(scope="module")
+def others(found):
+    """Return the indices of the photos but the reference, both of which show the fourth person."""
+    return tuple(i for i in range(3) if i != found.reference)
+
+
+def test_a_person_of_other_photos_is_in_the_result(found, others):
     people = found.reconstruction.people
     assert len(people) == 4
     other = people[3]
@@ -36,16 +43,17 @@ def test_a_person_of_other_photos_is_in_the_result(found):
     assert np.isfinite(other.vertices).all()
     assert other.contact.any()
     assert other.grade is not None
-    assert [person.row for person in found.people if person.views == (1, 2)] == [3]
-    note = "person 3 is not in a.png, but in b.png, c.png: checks of a.png do not measure them"
+    assert [person.row for person in found.people if person.views == others] == [3]
+    own, views = NAMES[found.reference], ", ".join(NAMES[i] for i in others)
+    note = f"person 3 is not in {own}, but in {views}: checks of {own} do not measure them"
     assert note in found.reconstruction.notes
 
 
-def test_cameras_show_the_people_of_their_photos(found):
+def test_cameras_show_the_people_of_their_photos(found, others):
     cameras = {camera.photo: camera for camera in found.reconstruction.cameras}
-    assert 3 not in cameras["a.png"].people
-    for name in ("b.png", "c.png"):
-        camera = cameras[name]
+    assert 3 not in cameras[NAMES[found.reference]].people
+    for index in others:
+        camera = cameras[NAMES[index]]
         pelvis = camera.to_camera(found.reconstruction.people[3].joints[:1]) @ camera.intrinsics.matrix.T
         x, y = (pelvis[0, :2] / pelvis[0, 2]).round().astype(int)
         assert camera.people[3].mask[max(0, y - 12) : y + 12, max(0, x - 12) : x + 12].any()
