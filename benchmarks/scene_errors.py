@@ -60,7 +60,7 @@ def _moments(out: Path, names: Sequence[str], seeds: Sequence[int]) -> Iterator[
 
     from physic_core.body import load_body
     from physic_scene import Scene
-    from physic_scene.observations import observe
+    from physic_scene.solved import ScenePhoto
     from physic_testing.worlds import build_world, view_names
 
     out.mkdir(parents=True, exist_ok=True)
@@ -74,8 +74,8 @@ def _moments(out: Path, names: Sequence[str], seeds: Sequence[int]) -> Iterator[
             for world in worlds:
                 image = world.image
                 result = kept(out / f"{world.name}-{seed}.pkl", lambda image=image: scene.alone(image))
-                people = observe(result, model)
-                masks = np.stack([result.people[row].mask for row in people.rows])
+                photo = ScenePhoto.of(len(views), world.name, result, model)
+                people, masks = photo.people, photo.view.people.masks
                 match = match_by_masks(masks, world.masks, min_iou=0.3)
                 number = dict(zip(match.predicted.tolist(), match.truth.tolist(), strict=True))
                 views.append(View(people, [number.get(i, -1) for i in range(len(people))], world, points))

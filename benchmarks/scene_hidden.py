@@ -78,30 +78,27 @@ def _counts(results: Sequence[Any], shown: Sequence[list[int]]) -> dict[str, int
     """Return the counts of one moment, from the results of its photos and the true numbers of their people."""
     from physic_core.body import load_body
     from physic_core.errors import InputError
-    from physic_scene.cameras import solve_cameras
-    from physic_scene.observations import observe
     from physic_scene.people import people_of_scene
-    from physic_scene.scene import SceneSettings
-    from physic_scene.selection import Photo, select_photos
+    from physic_scene.solved import ScenePhoto, SolvedScene
+    from physic_scene.solver import PeopleCameras
 
-    model, settings = load_body("embedded").to(dtype=torch.float64), SceneSettings()
-    photos = [Photo(i, str(i), result, observe(result, model)) for i, result in enumerate(results)]
+    model = load_body("embedded").to(dtype=torch.float64)
+    photos = [ScenePhoto.of(i, str(i), result, model) for i, result in enumerate(results)]
     try:
-        chosen = select_photos(photos, [photo.name for photo in photos], settings)
-        solved = solve_cameras(chosen, (), model, settings)
+        solved = SolvedScene.of(PeopleCameras()(tuple(photo.view for photo in photos)), photos, model)
     except InputError:
         return {"moments without a solution": 1}
 
     def true_numbers(person: Any) -> set[int]:
         where = {**person.elsewhere, **person.shown}
-        return {shown[solved.chosen.photos[v].index][row] for v, row in where.items()}
+        return {shown[solved.photos[v].index][row] for v, row in where.items()}
 
     matched = len(solved.rows) + len(solved.moved)
     people = people_of_scene(solved, model)
     added = [one for one in people if one.number is not None and one.number >= matched]
     others = set().union(*(true_numbers(one) for one in people if one not in added))
     found = [number for one in added for number in true_numbers(one)]
-    anywhere = set().union(*(shown[photo.index] for photo in solved.chosen.photos)) - {-1}
+    anywhere = set().union(*(shown[photo.index] for photo in solved.photos)) - {-1}
     return {
         "moments": 1,
         "people whom no match has": len(anywhere - others),

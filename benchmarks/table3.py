@@ -106,10 +106,10 @@ def _setup(noise_version: int) -> tuple[Any, Any, Any]:
     from physic_core.body import load_body
     from physic_core.configuration.resolve import resolve
     from physic_core.discovery.plugins import discover
-    from physic_core.interfaces import INTERFACES
+    from physic_core.interfaces import PHOTO_INTERFACES
 
     torch.set_num_threads(1)
-    noise = {name: {"options": {"version": noise_version}} for name in INTERFACES}
+    noise = {name: {"options": {"version": noise_version}} for name in PHOTO_INTERFACES}
     plan = resolve(load_config(preset="mock", flags={"--noise-version": noise}), discover())
     model = load_body(plan.body_model)
     return plan, model, Evaluator.body_graph(model)

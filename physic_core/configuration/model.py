@@ -64,7 +64,7 @@ __all__ = [
 ]
 
 DEFAULT_PRESET = "embedded"
-OPTIONAL_INTERFACES = ("hand_estimator", "contact_prior")
+OPTIONAL_INTERFACES = ("hand_estimator", "contact_prior", "camera_solver")
 """Interfaces that a configuration may omit with ``backend = "none"``."""
 
 
@@ -310,6 +310,7 @@ class Config(_Table):
     body_estimator: BackendChoice
     hand_estimator: BackendChoice = BackendChoice(backend="none")
     contact_prior: BackendChoice = BackendChoice(backend="none")
+    camera_solver: BackendChoice = BackendChoice(backend="none")
     photo: PhotoSettings = PhotoSettings()
     body_model: BodyModelChoice = BodyModelChoice()
     engine: EngineChoice = EngineChoice()
@@ -446,7 +447,7 @@ def _validate_layers(
 
 def _check_choices(merged: Mapping[str, Any]) -> list[Problem]:
     return [
-        Problem(f"{name}.backend", f"should name a backend: only {' and '.join(OPTIONAL_INTERFACES)} may be 'none'")
+        Problem(f"{name}.backend", f"should name a backend: only {', '.join(OPTIONAL_INTERFACES)} may be 'none'")
         for name in INTERFACES
         if name not in OPTIONAL_INTERFACES and isinstance(t := merged.get(name), dict) and t.get("backend") == "none"
     ]

@@ -34,7 +34,7 @@ from physic_core.errors import (
     PhysicError,
     WeightsMissingError,
 )
-from physic_core.interfaces import INTERFACES
+from physic_core.interfaces import INTERFACES, PHOTO_INTERFACES
 from physic_core.types import Provenance
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ class _Choice:
 def resolve(
     config: Config, registry: Registry, backends: Mapping[str, Backend | type[Backend]] | None = None
 ) -> ResolvedPipeline:
-    """Construct one backend for each interface; no weights are loaded and no network is used.
+    """Construct one backend for each interface of a single photo; no weights are loaded and no network is used.
 
     Args:
         config: chooses the backends.
@@ -112,8 +112,9 @@ def resolve(
         BackendError: a backend is of another interface, or its constructor failed.
     """
     given = {name: _choose_given(name, backend, registry) for name, backend in (backends or {}).items()}
-    choices = _select_or_raise(config, registry, without=tuple(given)) | given
-    resolved = {name: _construct(name, choices[name]) for name in INTERFACES if name in choices}
+    others = set(INTERFACES) - set(PHOTO_INTERFACES)
+    choices = _select_or_raise(config, registry, without=(*given, *others)) | given
+    resolved = {name: _construct(name, choices[name]) for name in PHOTO_INTERFACES if name in choices}
     used = {name: resolved[name].provenance for name in given}
     config = config.with_backends({name: (who.backend, who.options) for name, who in used.items()})
     return ResolvedPipeline(
@@ -288,10 +289,12 @@ def _choose_given(interface: str, given: object, registry: Registry) -> _Choice:
     """Check an instance or a class that was given in Python.
 
     Raises:
-        ConfigError: no interface has this name.
+        ConfigError: no interface of a single photo has this name.
         BackendError: the object is of another interface, or its class is incomplete.
     """
     _require_interface(interface)
+    if interface not in PHOTO_INTERFACES:
+        raise ConfigError(f"backends: {interface} is for several photos, and a single one does not use it")
     wanted = INTERFACES[interface]
     kind = given if isinstance(given, type) else type(given)
     if not issubclass(kind, wanted):

@@ -15,6 +15,7 @@ from physic_core.types.contacts import NO_PARTNER, PARTNER_KINDS, BodyContact, C
 from physic_core.types.depth import AffineAmbiguity, DepthMap, Plane, Pointmap
 from physic_core.types.hints import Hints
 from physic_core.types.known_sizes import KnownLength, KnownSizes
+from physic_core.types.moment import CameraPlace, MomentView, SkippedPhoto, SolvedCameras
 from physic_core.types.people import Keypoints, People, UnposedPerson
 from physic_core.types.prompt import PeoplePrompt
 from physic_core.types.records import CheckResult, CheckState, Grade, Provenance, StageRecord, summarize_checks
@@ -39,6 +40,7 @@ __all__ = [
     "Bodies",
     "BodyContact",
     "BodyParameters",
+    "CameraPlace",
     "CameraTrust",
     "CameraView",
     "CheckResult",
@@ -56,6 +58,7 @@ __all__ = [
     "KnownSizes",
     "Lens",
     "Mesh",
+    "MomentView",
     "People",
     "PeoplePrompt",
     "Person",
@@ -66,6 +69,8 @@ __all__ = [
     "RestMesh",
     "Scene",
     "Skeleton",
+    "SkippedPhoto",
+    "SolvedCameras",
     "StageRecord",
     "Support",
     "SupportState",

@@ -26,7 +26,7 @@ from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.discovery.entry_points import find_plugins
 from physic_core.discovery.plugin_code import PluginExit, plugin_code
 from physic_core.errors import BackendError
-from physic_core.interfaces import INTERFACES, MetricDepth, MetricDepthRequest
+from physic_core.interfaces import PHOTO_INTERFACES, MetricDepth, MetricDepthRequest
 from physic_core.pipeline.stage_runner import StageRunner
 from physic_core.pipeline.time_limit import report_calls_to
 from physic_core.types import DepthMap, Hints, Provenance
@@ -157,8 +157,8 @@ def test_reading_construction_loading_and_each_call_are_limited() -> None:
     began = [title for title, seconds in calls if seconds == 300]
     assert began[0] == "import and construction of the backends"
     loaded = [title.split()[0] for title in began if title.endswith(" cannot be loaded")]
-    assert sorted(loaded) == sorted(INTERFACES)
-    assert {title.split()[0] for title in began if ", stage '" in title} == set(INTERFACES)
+    assert sorted(loaded) == sorted(PHOTO_INTERFACES)
+    assert {title.split()[0] for title in began if ", stage '" in title} == set(PHOTO_INTERFACES)
     assert "reading the photo" in began
     assert calls[1::2] == [("", 0.0)] * len(began)
 

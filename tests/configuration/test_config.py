@@ -13,7 +13,7 @@ from physic_core import engine_preset, engine_preset_names
 from physic_core.configuration.model import Config, as_config, load_config, preset_names
 from physic_core.discovery.catalog import distribution_for
 from physic_core.errors import ConfigError
-from physic_core.interfaces import INTERFACES
+from physic_core.interfaces import PHOTO_INTERFACES
 
 
 @pytest.fixture
@@ -37,7 +37,7 @@ def refusal(*args: Any, **kwargs: Any) -> str:
 
 def test_the_default_names_the_embedded_backend_everywhere():
     config = load_config()
-    assert {config.choice(i).backend for i in INTERFACES} == {"physic-embedded:embedded"}
+    assert {config.choice(i).backend for i in PHOTO_INTERFACES} == {"physic-embedded:embedded"}
     assert config.photo.max_side == 1280
     assert config.body_model.source == "embedded"
     assert config.run.device == "cpu"
@@ -46,7 +46,7 @@ def test_the_default_names_the_embedded_backend_everywhere():
 @pytest.mark.parametrize("name", preset_names())
 def test_every_preset_names_the_distribution_of_each_backend(name: str):
     config = load_config(preset=name)
-    for interface in INTERFACES:
+    for interface in PHOTO_INTERFACES:
         distribution, _, backend = config.choice(interface).backend.rpartition(":")
         assert backend == "none" or distribution == distribution_for(interface, backend)
 
@@ -223,7 +223,8 @@ def test_every_fault_is_reported_at_once_with_path_source_and_suggestion(write):
         "run.device                       should be a text (got 3)\n"
         "colour                           unknown key\n"
         "inpaintr                         unknown key. Did you mean 'inpainter'?\n"
-        "segmenter.backend                should name a backend: only hand_estimator and contact_prior may be 'none'\n"
+        "segmenter.backend                should name a backend: "
+        "only hand_estimator, contact_prior, camera_solver may be 'none'\n"
         "engine.scene.floor               should be 'disparity' or 'off' (got 'flat')\n"
         "engine.scene.floor_under_peple   unknown setting. Did you mean 'floor_under_people'?\n"
         "--set: 1 error\n"

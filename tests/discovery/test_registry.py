@@ -194,7 +194,7 @@ def test_a_class_that_is_called_but_is_no_backend_is_refused():
     for no_backend in ("json:dumps", "physic_core.interfaces:Backend"):
         assert message(BackendError, Registry(installed=False).find_by_name, no_backend) == (
             f"'{no_backend}' should be a subclass of one class of physic_core.interfaces: Segmenter, Inpainter, "
-            "MetricDepth, RelativePointmap, KeypointDetector, BodyEstimator, HandEstimator, ContactPrior"
+            "MetricDepth, RelativePointmap, KeypointDetector, BodyEstimator, HandEstimator, ContactPrior, CameraSolver"
         )
 
 

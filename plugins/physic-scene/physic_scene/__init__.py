@@ -5,21 +5,34 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from physic_core import CommandRecord, hookimpl
+from physic_core import BackendRecord, CommandRecord, hookimpl
 
 if TYPE_CHECKING:
     from physic_scene.scene import Scene, reconstruct_scene
-    from physic_scene.types import CameraPose, LeftOut, SceneResult
+    from physic_scene.types import CameraPose, SceneResult
 
-__all__ = ["CameraPose", "LeftOut", "Scene", "SceneResult", "physic_commands", "reconstruct_scene"]
+__all__ = ["CameraPose", "Scene", "SceneResult", "physic_backends", "physic_commands", "reconstruct_scene"]
 
 _NAMES = {
     "CameraPose": "types",
-    "LeftOut": "types",
     "SceneResult": "types",
     "Scene": "scene",
     "reconstruct_scene": "scene",
 }
+
+
+@hookimpl
+def physic_backends() -> list[BackendRecord]:
+    """Return the records of the camera solvers."""
+    return [
+        BackendRecord(
+            "camera_solver",
+            "people",
+            "physic_scene.solver:PeopleCameras",
+            api=1,
+            summary="Cameras from matched people: keypoints, bodies, floors and background",
+        )
+    ]
 
 
 @hookimpl

@@ -12,7 +12,7 @@ from physic_core.errors import InputError
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, IntArray, Reconstruction
     from physic_scene.people import PersonOfScene
-    from physic_scene.selection import ChosenPhotos, Photo
+    from physic_scene.solved import ScenePhoto, SolvedScene
 
 
 def check_ages(ages: Sequence[float], photo: str, result: Reconstruction | None) -> None:
@@ -30,37 +30,37 @@ def check_ages(ages: Sequence[float], photo: str, result: Reconstruction | None)
         )
 
 
-def ages_of_photos(ages: Sequence[float], chosen: ChosenPhotos, *, prompted: bool) -> dict[int, tuple[float, ...]]:
+def ages_of_photos(ages: Sequence[float], solved: SolvedScene, *, prompted: bool) -> dict[int, tuple[float, ...]]:
     """Return the ages of the people of each photo that shows people of known age, by the index of the photo.
 
     Args:
         ages: one per person of the first photo, years, 0 where unknown.
-        chosen: who is who in the photos.
+        solved: who is who in the photos.
         prompted: whether people are in the order of the user's choice; else ages are from left to right.
 
     Raises:
         InputError: the first photo is skipped.
     """
-    first = chosen.first("ages")
+    first = solved.first("ages")
     of_first = np.zeros(len(first.result.people))
     of_first[_order(first, prompted=prompted)] = ages
     found = {0: tuple(ages)}
-    for v, photo in enumerate(chosen.photos[1:], 1):
+    for v, photo in enumerate(solved.photos[1:], 1):
         years = np.zeros(len(photo.result.people))
-        for row in chosen.rows[(chosen.rows[:, [0, v]] >= 0).all(1)]:
-            years[photo.people.rows[row[v]]] = of_first[first.people.rows[row[0]]]
+        for row in solved.rows[(solved.rows[:, [0, v]] >= 0).all(1)]:
+            years[photo.rows[row[v]]] = of_first[first.rows[row[0]]]
         if years.any():
             found[photo.index] = tuple(years[_order(photo, prompted=prompted)].tolist())
     return found
 
 
-def _order(photo: Photo, *, prompted: bool) -> IntArray:
+def _order(photo: ScenePhoto, *, prompted: bool) -> IntArray:
     """Return the indices of the people of a photo in the order in which their ages are given."""
     boxes = np.array([person.box for person in photo.result.people], np.float64)
     return np.arange(len(boxes)) if prompted else np.argsort(boxes[:, 0] + boxes[:, 2], kind="stable")
 
 
-def ages_of_scene(people: Sequence[PersonOfScene], photos: Sequence[Photo]) -> FloatArray | None:
+def ages_of_scene(people: Sequence[PersonOfScene], photos: Sequence[ScenePhoto]) -> FloatArray | None:
     """Return the known age (P,) of everybody in the result, years, NaN where unknown; None if no age is known.
 
     Raises:

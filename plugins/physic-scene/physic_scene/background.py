@@ -9,10 +9,11 @@ import cv2
 import numpy as np
 from scipy.stats import binom
 
+from physic_core.types.bounds import NotNegative, PointCount, Positive, PositiveCount, Share
 from physic_scene.bundle import PixelMatches
 
 if TYPE_CHECKING:
-    from physic_core.types import FloatArray, Reconstruction, UInt8Array
+    from physic_core.types import FloatArray, MomentView, UInt8Array
 
 _MINIMAL, _SOLUTIONS = 5, 10  # matches that give a motion between two cameras, and how many they give at most
 
@@ -32,12 +33,12 @@ class BackgroundSettings:
             .9, where three of ten matches are right, in 0.1 s.
     """
 
-    longest_px: int = 1000
-    features: int = 3000
-    ratio: float = 0.75
-    inlier_px: float = 1.5
-    certain: float = 10.0
-    trials: int = 1000
+    longest_px: PointCount = 1000
+    features: PointCount = 3000
+    ratio: Share = 0.75
+    inlier_px: Positive = 1.5
+    certain: NotNegative = 10.0
+    trials: PositiveCount = 1000
 
 
 @dataclass(frozen=True)
@@ -55,13 +56,11 @@ class Background:
     thumbnail: FloatArray
 
 
-def sees(result: Reconstruction, settings: BackgroundSettings) -> Background:
+def sees(view: MomentView, settings: BackgroundSettings) -> Background:
     """Return the features of a photo outside its people."""
-    image = np.asarray(result.image)
+    image = np.asarray(view.image)
     height, width = image.shape[:2]
-    free = np.ones((height, width), bool)
-    for person in result.people:
-        free &= ~person.mask
+    free = ~view.people.masks.any(axis=0)
     scale = min(1.0, settings.longest_px / max(height, width))
     size = (max(1, round(width * scale)), max(1, round(height * scale)))
     grey = cv2.resize(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), size, interpolation=cv2.INTER_AREA)

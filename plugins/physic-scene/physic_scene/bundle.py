@@ -22,13 +22,15 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+from annotated_types import MaxLen, MinLen
 from scipy.sparse import coo_array, csc_array, csr_array, diags_array
 from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
+from physic_core.types.bounds import Positive, PositiveCount
 from physic_core.types.skeletons import SIDES
 from physic_scene.measured import KeypointErrors, measured_errors
 from physic_scene.rigid import Pose
@@ -65,13 +67,13 @@ class BundleSettings:
         position_stated: the same for camera centres; 1.1 and 1.0.
     """
 
-    keypoint: float = 0.02
-    epipolar_px: float = 2.0
-    outlier: float = 0.7
-    steps: int = 25
-    rounds: tuple[float, ...] = (8.0, 3.0, 1.0)
-    rotation_stated: float = 1.33
-    position_stated: float = 0.71
+    keypoint: Positive = 0.02
+    epipolar_px: Positive = 2.0
+    outlier: Positive = 0.7
+    steps: PositiveCount = 25
+    rounds: Annotated[tuple[Positive, ...], MinLen(1), MaxLen(8)] = (8.0, 3.0, 1.0)
+    rotation_stated: Positive = 1.33
+    position_stated: Positive = 0.71
 
 
 @dataclass(frozen=True)
@@ -228,12 +230,12 @@ class PoseUncertainty:
     """Standard deviations of one camera's pose relative to the reference.
 
     Attributes:
-        rotation_deg: of the rotation, degrees.
+        rotation: of the rotation, radians.
         position_m: of the camera centre, metres.
         log_focal: of the logarithm of the focal length.
     """
 
-    rotation_deg: float
+    rotation: float
     position_m: float
     log_focal: float
 
@@ -312,7 +314,7 @@ def uncertainties(
         moves = np.hstack([state.rotation[v].T @ _cross(state.translation[v]), -state.rotation[v].T])
         found.append(
             PoseUncertainty(
-                settings.rotation_stated * float(np.degrees(np.sqrt(np.trace(own[:3, :3])))),
+                settings.rotation_stated * float(np.sqrt(np.trace(own[:3, :3]))),
                 settings.position_stated * float(np.sqrt(max(np.trace(moves @ own @ moves.T), 0.0))),
                 float(np.sqrt(covariance[6 * views + v, 6 * views + v])),
             )

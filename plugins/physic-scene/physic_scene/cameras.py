@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from physic_core.errors import InputError
-from physic_core.types.short_repr import ShortRepr
-from physic_scene.bodies import MeanBodies, mean_bodies
-from physic_scene.bundle import Bundle, Observations, PoseUncertainty, adjust, uncertainties
+from physic_core.types import CameraTrust, SolvedCameras
+from physic_scene.bundle import Bundle, Observations, adjust, uncertainties
 from physic_scene.elsewhere import likeliest_elsewhere
 from physic_scene.rigid import Pose
 
 if TYPE_CHECKING:
-    from physic_core.body.model import BodyModel
-    from physic_core.types import BoolArray, FloatArray, IntArray
+    from physic_core.types import BoolArray, FloatArray, IntArray, Intrinsics
     from physic_scene.observations import PhotoPeople
     from physic_scene.selection import ChosenPhotos
     from physic_scene.settings import SceneSettings
@@ -26,55 +24,20 @@ _KNOWN_BONE = 0.01
 _SEEN = 0.3  # confidence of a keypoint
 
 
-@dataclass(frozen=True)
-class SolvedScene(ShortRepr):
-    """Cameras and bodies of one moment, in the frame of the reference camera, metres.
-
-    Attributes:
-        chosen: photos in the solution, and those skipped.
-        reference: index into ``chosen.photos``.
-        rows: (P, V) row of each solved person in each photo, -1 where not shown.
-        elsewhere: (P, V) row of each solved person in the photos that show them elsewhere, or in another pose, than the
-            photos of ``rows``; -1 otherwise.
-        moved: (M, V) the same as ``rows`` for people who moved between the photos, who are not solved.
-        observations: of the solved people.
-        bundle: cameras and points.
-        sigmas: uncertainty of each camera.
-        bodies: of the solved people.
-        errors: (V, P) median distance of keypoints, as a share of the stature in px; NaN where not shown.
-        statures: (P,) metres, known ones of the solved people, NaN where unknown.
-    """
-
-    chosen: ChosenPhotos
-    reference: int
-    rows: IntArray
-    elsewhere: IntArray
-    moved: IntArray
-    observations: Observations
-    bundle: Bundle
-    sigmas: tuple[PoseUncertainty, ...]
-    bodies: MeanBodies
-    errors: FloatArray
-    statures: FloatArray
-
-
-def solve_cameras(
-    chosen: ChosenPhotos, statures: Sequence[float], model: BodyModel, settings: SceneSettings
-) -> SolvedScene:
+def solve_cameras(chosen: ChosenPhotos, count: int, settings: SceneSettings) -> SolvedCameras:
     """Return the cameras and people of one moment; photos and people that do not fit are skipped.
 
     Args:
         chosen: photos that share people.
-        statures: known heights of the people of the first photo, metres: one for all, or from left to right.
-        model: body model, float64.
+        count: number of photos that were given.
         settings: of all steps.
 
     Raises:
-        InputError: no two photos fit each other, or the photo whose people have known statures is skipped.
+        InputError: no two photos fit each other.
     """
     rows, moved = chosen.rows, chosen.rows[:0]
     elsewhere = np.full_like(rows, -1)
-    found = _adjusted(chosen, rows, statures, settings)
+    found = _adjusted(chosen, rows, settings)
     while True:
         bad = found.errors > settings.fit.keypoint
         view = _view_that_does_not_fit(bad, found.errors)
@@ -98,46 +61,90 @@ def solve_cameras(
             elsewhere = np.delete(elsewhere, worst, axis=0)
         else:
             break
-        found = _adjusted(chosen, rows, statures, settings)
-    people = [photo.people for photo in chosen.photos]
-    seen = found.observations
-    sigmas = uncertainties(seen, found.bundle, found.reference, settings.bundle)
-    bundle = found.bundle.scaled(_scale(seen, found.bundle))
-    bodies = mean_bodies(people, rows, seen, bundle, model, found.statures)
-    return SolvedScene(
-        chosen=chosen,
-        reference=found.reference,
-        rows=rows,
+        found = _adjusted(chosen, rows, settings)
+    return _solution(chosen, count, (rows, elsewhere, moved), found, settings)
+
+
+def _solution(
+    chosen: ChosenPhotos,
+    count: int,
+    people: tuple[IntArray, IntArray, IntArray],
+    found: _Adjusted,
+    settings: SceneSettings,
+) -> SolvedCameras:
+    """Return the cameras of all photos, NaN for skipped ones, and the people by their rows, elsewhere and moved."""
+    sigmas = uncertainties(found.observations, found.bundle, found.reference, settings.bundle)
+    bundle = found.bundle.scaled(_scale(found.observations, found.bundle))
+    photos, index = chosen.photos, [photo.index for photo in chosen.photos]
+
+    def of_all(values: Any, *, otherwise: Any = np.nan) -> Any:
+        """Return values (V, ...) of the photos in the solution for all photos."""
+        values = np.asarray(values)
+        every = np.full((count, *values.shape[1:]), otherwise, values.dtype)
+        every[index] = values
+        return every
+
+    rows, elsewhere, moved = (of_all(rows.T, otherwise=-1).T for rows in people)
+    skeleton = photos[0].view.keypoints.joint_set
+    points = np.full((len(rows), len(skeleton), 3), np.nan)
+    points[:, list(skeleton.fitted)] = bundle.points
+    own = np.arange(len(photos)) == found.reference
+    cameras = dict(enumerate(chosen.intrinsics))
+    for v, photo in enumerate(photos):
+        cameras[photo.index] = _solved_camera(photo.view.intrinsics, float(bundle.log_focal[v]), sigmas[v].log_focal)
+    return SolvedCameras(
+        reference=index[found.reference],
+        rotation=of_all(bundle.rotation),
+        translation=of_all(bundle.translation),
+        intrinsics=tuple(cameras[i] for i in range(count)),
+        rotation_sigma=of_all(np.where(own, 0.0, [sigma.rotation for sigma in sigmas])),
+        position_sigma=of_all(np.where(own, 0.0, [sigma.position_m for sigma in sigmas])),
+        people=rows,
+        points=points,
         elsewhere=elsewhere,
         moved=moved,
-        observations=seen,
-        bundle=bundle,
-        sigmas=sigmas,
-        bodies=bodies,
-        errors=found.errors,
-        statures=found.statures,
+        skipped=chosen.left_out,
+        diagnostics={
+            "matched_pixels": {
+                f"{photos[m.views[0]].name}, {photos[m.views[1]].name}": len(m.first) for m in chosen.background
+            },
+            "matching_scores": {
+                f"{photos[a].name}, {photos[b].name}": round(match.score, 2) for (a, b), match in chosen.matches.items()
+            },
+        },
+    )
+
+
+def _solved_camera(before: Intrinsics, log_focal: float, sigma: float) -> Intrinsics:
+    """Return a camera with its solved focal length."""
+    factor = float(np.exp(log_focal))
+    return replace(
+        before,
+        fx=before.fx * factor,
+        fy=before.fy * factor,
+        source=before.source if before.known else "several photos",
+        trust=before.trust if before.known else CameraTrust.ESTIMATED,
+        focal_sigma=sigma,
     )
 
 
 @dataclass(frozen=True)
 class _Adjusted:
-    """Cameras and points of the people who are taken to hold still; errors and statures as in :class:`SolvedScene`."""
+    """Cameras and points of the people who are taken to hold still, and the errors (V, P) of their keypoints."""
 
     reference: int
     observations: Observations
     bundle: Bundle
     errors: FloatArray
-    statures: FloatArray
 
 
-def _adjusted(chosen: ChosenPhotos, rows: IntArray, statures: Sequence[float], settings: SceneSettings) -> _Adjusted:
+def _adjusted(chosen: ChosenPhotos, rows: IntArray, settings: SceneSettings) -> _Adjusted:
     people = [photo.people for photo in chosen.photos]
     reference = reference_photo(rows, people)
-    known = _known_statures(chosen, rows, statures)
-    observations = _with_statures(Observations.of(people, rows, chosen.background), chosen, rows, known)
+    observations = _with_statures(Observations.of(people, rows, chosen.background), chosen, rows)
     start = Bundle.start(observations, start_poses(chosen, reference))
     bundle = adjust(observations, start, reference, settings.bundle)
-    return _Adjusted(reference, observations, bundle, keypoint_errors(observations, bundle), known)
+    return _Adjusted(reference, observations, bundle, keypoint_errors(observations, bundle))
 
 
 def _scale(observations: Observations, bundle: Bundle) -> float:
@@ -226,21 +233,19 @@ def start_poses(chosen: ChosenPhotos, reference: int) -> list[Pose]:
     return [poses[v] for v in range(len(poses))]
 
 
-def _known_statures(chosen: ChosenPhotos, rows: IntArray, statures: Sequence[float]) -> FloatArray:
-    """Return the known stature of each person (P,), metres, NaN where unknown."""
-    if len(statures) < 2:
-        return np.full(len(rows), statures[0] if any(statures) else np.nan)
-    first = chosen.first("statures")
-    people = first.people
-    order = np.argsort([np.mean(first.result.people[row].box[[0, 2]]) for row in people.rows], kind="stable")
-    known = np.zeros(len(people))
-    known[order] = np.resize(statures, len(people))
-    found = np.where(rows[:, 0] >= 0, known[rows[:, 0]], 0.0)
-    return np.where(found > 0, found, np.nan)
+def known_statures(people: Sequence[PhotoPeople], rows: IntArray) -> FloatArray:
+    """Return the known stature of each person (P,), metres, NaN where unknown: the first that a photo states."""
+    known = np.full(len(rows), np.nan)
+    for v, photo in reversed(list(enumerate(people))):
+        here = rows[:, v] >= 0
+        own = photo.known_stature[rows[here, v]]
+        known[here] = np.where(np.isfinite(own), own, known[here])
+    return known
 
 
-def _with_statures(observations: Observations, chosen: ChosenPhotos, rows: IntArray, known: FloatArray) -> Observations:
-    """Return the observations with the sizes and bone lengths of people of known stature (P,)."""
+def _with_statures(observations: Observations, chosen: ChosenPhotos, rows: IntArray) -> Observations:
+    """Return the observations with the sizes and bone lengths of people of known stature."""
+    known = known_statures([photo.people for photo in chosen.photos], rows)
     bone_m, sigma = observations.bone_m.copy(), observations.bone_sigma.copy()
     landmarks = observations.landmarks.copy()
     for p in np.flatnonzero(np.isfinite(known)).tolist():

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from physic_core.types.bounds import Degrees, NotNegative, Positive, PositiveCount
 from physic_scene.bundle import Bundle, BundleSettings, Observations, PixelMatches, adjust, energy
 from physic_scene.rigid import Pose, angle_deg, fit_rotation
 
@@ -55,14 +56,14 @@ class MatchingSettings:
         steps: most steps of the adjustment of each answer, which starts near.
     """
 
-    worth: float = 40.0
-    clothes: float = 3.0
-    clothes_most: float = 36.0
-    pose_m: float = 0.15
-    place: float = 0.15
-    turn_deg: float = 25.0
-    guesses: int = 8
-    steps: int = 10
+    worth: NotNegative = 40.0
+    clothes: NotNegative = 3.0
+    clothes_most: NotNegative = 36.0
+    pose_m: Positive = 0.15
+    place: Positive = 0.15
+    turn_deg: Degrees = 25.0
+    guesses: PositiveCount = 8
+    steps: PositiveCount = 10
 
 
 @dataclass(frozen=True)

@@ -9,14 +9,15 @@ import cv2
 import numpy as np
 import torch
 
+from physic_core.body.convert.bodies import convert_bodies
 from physic_core.body.landmarks import keypoints_on_body
 from physic_core.body.parameters import rotations_from_parameters
-from physic_core.types import CameraTrust, Keypoints
+from physic_core.types import CameraTrust
 from physic_scene.measured import measured_errors
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
-    from physic_core.types import BoolArray, FloatArray, Intrinsics, Person, Reconstruction, Skeleton
+    from physic_core.types import BoolArray, FloatArray, Intrinsics, MomentView, Skeleton
 
 COLOUR_GROUPS = (
     ("torso",),
@@ -38,7 +39,6 @@ class PhotoPeople:
     """The N people of one photo who have a body, with J keypoints, in the frame of its camera, metres.
 
     Attributes:
-        rows: (N,) index of each person in the result of the photo.
         K: (3, 3) px.
         focal_sigma: standard deviation of log(focal length).
         skeleton: of the keypoints.
@@ -52,9 +52,9 @@ class PhotoPeople:
         colours: (N, G, 3) mean CIELAB of each of COLOUR_GROUPS, NaN where it is not seen.
         size_px: (N,) stature in px.
         up: (3,) normal of the floor, NaN without one.
+        known_stature: (N,) metres, as the user states them, NaN where unknown.
     """
 
-    rows: tuple[int, ...]
     K: FloatArray
     focal_sigma: float
     skeleton: Skeleton
@@ -68,39 +68,35 @@ class PhotoPeople:
     colours: FloatArray
     size_px: FloatArray
     up: FloatArray
+    known_stature: FloatArray
 
     def __len__(self) -> int:
-        return len(self.rows)
+        return len(self.points)
 
 
-def observe(result: Reconstruction, model: BodyModel) -> PhotoPeople:
-    """Return what the result of one photo says about its people.
+def observe(view: MomentView, model: BodyModel) -> PhotoPeople:
+    """Return what one photo says about its people.
 
     Args:
-        result: of one photo.
-        model: body model of its people, float64.
+        view: the photo; bodies of another body model are converted.
+        model: body model, float64.
     """
-    rows = tuple(i for i, person in enumerate(result.people) if np.isfinite(person.vertices).all())
-    people = [result.people[i] for i in rows]
-    found = Keypoints(
-        np.stack([p.keypoints for p in people]) if people else np.zeros((0, 17, 2)),
-        np.stack([p.keypoint_confidence for p in people]) if people else np.zeros((0, 17)),
-        result.skeleton if people else "coco17",
-    )
-    found = keypoints_on_body(found)
-    rotations, betas, transl = _parameters(people, model)
+    found = keypoints_on_body(view.keypoints)
+    parameters = convert_bodies(view.bodies, model).parameters
     with torch.inference_mode():
+        rotations = rotations_from_parameters(parameters, dtype=torch.float64)
+        betas, transl = (torch.from_numpy(np.asarray(x, np.float64)) for x in (parameters.betas, parameters.transl))
         body = model(rotations, betas, transl)
         landmarks = model.landmarks(body, found.joint_set).numpy()
         stature = model.stature(betas).numpy()
-    size = np.array([result.intrinsics.width, result.intrinsics.height])
+    size = np.array([view.intrinsics.width, view.intrinsics.height])
     inside = ((found.points > -0.5) & (found.points < size - 0.5)).all(-1)
     finite = np.isfinite(found.points).all(-1) & np.isfinite(found.confidence)
-    joints, floor = body.joints.numpy(), result.scene.floor
+    joints, vertices = body.joints.numpy(), body.vertices.numpy()
+    colours = [_colours(view, vertices[i], view.people.masks[i], model) for i in range(len(vertices))]
     return PhotoPeople(
-        rows=rows,
-        K=result.intrinsics.matrix,
-        focal_sigma=_focal_sigma(result.intrinsics),
+        K=view.intrinsics.matrix,
+        focal_sigma=_focal_sigma(view.intrinsics),
         skeleton=found.joint_set,
         points=np.nan_to_num(np.asarray(found.points, np.float64)),
         confidence=np.where(inside & finite, found.confidence, 0.0),
@@ -109,9 +105,10 @@ def observe(result: Reconstruction, model: BodyModel) -> PhotoPeople:
         rotations=rotations.numpy(),
         betas=betas.numpy(),
         stature=stature,
-        colours=np.array([_colours(result, person, model) for person in people]).reshape(-1, len(COLOUR_GROUPS), 3),
-        size_px=result.intrinsics.fy * stature / np.maximum(joints[:, 0, 2], 0.1),
-        up=np.full(3, np.nan) if floor is None else np.asarray(floor.normal, np.float64),
+        colours=np.array(colours).reshape(-1, len(COLOUR_GROUPS), 3),
+        size_px=view.intrinsics.fy * stature / np.maximum(joints[:, 0, 2], 0.1),
+        up=np.full(3, np.nan) if view.floor is None else np.asarray(view.floor.normal, np.float64),
+        known_stature=np.asarray(view.statures, np.float64),
     )
 
 
@@ -125,26 +122,14 @@ def _focal_sigma(camera: Intrinsics) -> float:
     return _GUESSED_FOCAL if camera.trust is CameraTrust.GUESSED else estimated
 
 
-def _parameters(people: list[Person], model: BodyModel) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Return rotations (N, 55, 3, 3), betas (N, K) and translations (N, 3)."""
-    if not people:
-        return model.zero_pose(0)
-    rotations = torch.cat([rotations_from_parameters(p.parameters, dtype=torch.float64) for p in people])
-    betas, transl = (
-        torch.from_numpy(np.concatenate([getattr(p.parameters, name) for p in people])).double()
-        for name in ("betas", "transl")
-    )
-    return rotations, betas, transl
-
-
-def _colours(result: Reconstruction, person: Person, model: BodyModel) -> FloatArray:
-    """Return the mean CIELAB (G, 3) of a person's body parts: of the pixels of the person's mask under each part."""
-    K, vertices = result.intrinsics.matrix, np.asarray(person.vertices, np.float64)
+def _colours(view: MomentView, vertices: FloatArray, mask: BoolArray, model: BodyModel) -> FloatArray:
+    """Return the mean CIELAB (G, 3) of a person's body parts: of the pixels of the mask (H, W) under each part."""
+    K = view.intrinsics.matrix
     uv = np.round((vertices @ K.T)[:, :2] / np.maximum(vertices[:, 2:], 1e-3)).astype(int)
-    height, width = person.mask.shape
+    height, width = mask.shape
     inside: BoolArray = ((uv >= 0) & (uv < [width, height])).all(1) & (vertices[:, 2] > 0.1)
     own = np.zeros(len(uv), bool)
-    own[inside] = person.mask[uv[inside, 1], uv[inside, 0]]
+    own[inside] = mask[uv[inside, 1], uv[inside, 0]]
     # Of several vertices at a pixel, the nearest is the one that the photo shows.
     nearest = np.full((height, width), np.inf)
     np.minimum.at(nearest, (uv[own, 1], uv[own, 0]), vertices[own, 2])
@@ -152,9 +137,8 @@ def _colours(result: Reconstruction, person: Person, model: BodyModel) -> FloatA
     means = np.full((len(COLOUR_GROUPS), 3), np.nan)
     if not own.any():
         return means
-    lab = cv2.cvtColor(
-        np.asarray(result.image)[None, uv[own, 1], uv[own, 0]].astype(np.float32) / 255, cv2.COLOR_RGB2LAB
-    )
+    seen = np.asarray(view.image)[None, uv[own, 1], uv[own, 0]]
+    lab = cv2.cvtColor(seen.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
     part = model.part_of_vertex.numpy()[own]
     for row, names in enumerate(COLOUR_GROUPS):
         here = np.isin(part, [model.part_names.index(name) for name in names])

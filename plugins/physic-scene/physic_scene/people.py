@@ -16,8 +16,7 @@ from physic_scene.matching import compare_places
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import BodyParameters, IntArray
-    from physic_scene.cameras import SolvedScene
-    from physic_scene.selection import Photo
+    from physic_scene.solved import ScenePhoto, SolvedScene
 
 
 _SAME_PLACE = 0.3  # distance of two people who may be one, as a share of their distance from the cameras
@@ -48,7 +47,7 @@ def people_of_scene(solved: SolvedScene, model: BodyModel) -> tuple[PersonOfScen
     Somebody whom one photo alone shows, and not the reference, is in the result if no other photo shows anybody like
     them in their place: without a match, they may be a person of another photo.
     """
-    reference, photos = solved.reference, solved.chosen.photos
+    reference, photos = solved.reference, solved.photos
     matched = [*_matched(solved, model), *_moved(solved, model)]
     in_reference = {({**one.elsewhere, **one.shown}).get(reference): one for one in matched}
     own = [
@@ -61,7 +60,7 @@ def people_of_scene(solved: SolvedScene, model: BodyModel) -> tuple[PersonOfScen
 
 def _matched(solved: SolvedScene, model: BodyModel) -> Iterator[PersonOfScene]:
     """Yield the people whose body is that of several photos."""
-    photos = solved.chosen.photos
+    photos = solved.photos
     for p, (row, elsewhere) in enumerate(zip(solved.rows, solved.elsewhere, strict=True)):
         parameters = solved.bodies.parameters([p], model)
         yield PersonOfScene(p, _indices(row, photos), _indices(elsewhere, photos), True, parameters)
@@ -69,7 +68,7 @@ def _matched(solved: SolvedScene, model: BodyModel) -> Iterator[PersonOfScene]:
 
 def _moved(solved: SolvedScene, model: BodyModel) -> Iterator[PersonOfScene]:
     """Yield the people whose photos all differ, as the reference photo or else the first one shows them."""
-    photos = solved.chosen.photos
+    photos = solved.photos
     for number, row in enumerate(solved.moved, len(solved.rows)):
         shown = np.flatnonzero(row >= 0)
         view = solved.reference if row[solved.reference] >= 0 else int(shown[0])
@@ -80,13 +79,13 @@ def _moved(solved: SolvedScene, model: BodyModel) -> Iterator[PersonOfScene]:
 
 def _of_one_photo(solved: SolvedScene, first: int, model: BodyModel) -> Iterator[PersonOfScene]:
     """Yield people whom one photo but the reference shows, who are unlike everybody else; numbers go on from first."""
-    photos, known = solved.chosen.photos, np.concatenate([solved.rows, solved.elsewhere, solved.moved])
+    photos, known = solved.photos, np.concatenate([solved.rows, solved.elsewhere, solved.moved])
     accepted: list[tuple[int, int]] = []
     for v, photo in enumerate(photos):
         for row in sorted(set(range(len(photo.people))) - set(known[:, v].tolist())) if v != solved.reference else ():
             if not any(_may_be_same(solved, known, (v, row), w, accepted) for w in range(len(photos)) if w != v):
                 parameters = _parameters_alone(solved, v, row, model)
-                yield PersonOfScene(first + len(accepted), {v: photo.people.rows[row]}, {}, False, parameters)
+                yield PersonOfScene(first + len(accepted), {v: photo.rows[row]}, {}, False, parameters)
                 accepted.append((v, row))
 
 
@@ -99,7 +98,7 @@ def _may_be_same(
     photo and accepted ones count, since the others are not in the result.
     """
     v, row = person
-    one, two = (solved.chosen.photos[view].people for view in (v, other))
+    one, two = (solved.photos[view].people for view in (v, other))
     in_both = known[(known[:, v] >= 0) & (known[:, other] >= 0), other]
     in_result = set(range(len(two))) if other == solved.reference else {r for w, r in accepted if w == other}
     candidates = [j for j in in_result | set(known[known[:, other] >= 0, other].tolist()) if j not in in_both]
@@ -108,16 +107,17 @@ def _may_be_same(
     return bool((place[row, candidates] < _SAME_PLACE).any())
 
 
-def _indices(row: IntArray, photos: Sequence[Photo]) -> dict[int, int]:
+def _indices(row: IntArray, photos: Sequence[ScenePhoto]) -> dict[int, int]:
     """Return photo -> index in its result, from the row of a person (V,) in each photo."""
-    return {v: photos[v].people.rows[row[v]] for v in np.flatnonzero(row >= 0).tolist()}
+    return {v: photos[v].rows[row[v]] for v in np.flatnonzero(row >= 0).tolist()}
 
 
 def _parameters_alone(solved: SolvedScene, view: int, row: int, model: BodyModel) -> BodyParameters:
     """Return the body of a photo alone in the reference frame, at the distance of the solved focal length."""
-    people, pose = solved.chosen.photos[view].people, solved.bundle.pose(view)
+    photo, pose = solved.photos[view], solved.bundle.pose(view)
+    people = photo.people
     if view == solved.reference:
-        return solved.chosen.photos[view].result.people[people.rows[row]].parameters
+        return photo.result.people[photo.rows[row]].parameters
     rotations = people.rotations[row : row + 1].copy()
     rotations[:, 0] = pose.rotation.T @ rotations[:, 0]
     turned, betas = torch.from_numpy(rotations), torch.from_numpy(people.betas[row : row + 1])

@@ -22,7 +22,6 @@ from physic_core.engine.sizes import STATURE_SIGMA
 from physic_core.types import (
     Bodies,
     BodyParameters,
-    CameraTrust,
     DepthMap,
     Intrinsics,
     Keypoints,
@@ -42,9 +41,8 @@ if TYPE_CHECKING:
     from physic_core.engine.settings import EngineSettings
     from physic_core.pipeline.estimate import Estimates
     from physic_core.types import BoolArray, FloatArray, IntArray, Reconstruction
-    from physic_scene.cameras import SolvedScene
     from physic_scene.people import PersonOfScene
-    from physic_scene.selection import Photo
+    from physic_scene.solved import ScenePhoto, SolvedScene
 
 _ON_FLOOR_M = 0.25  # largest height of the lowest point of a person who may stand on the floor
 _STAND_M = 0.03  # error of that point
@@ -85,7 +83,7 @@ class ReferenceInput(ShortRepr):
     def of(cls, solved: SolvedScene, people: Sequence[PersonOfScene], model: BodyModel) -> ReferenceInput:
         """Return the input of the engine from the solved cameras and everybody in the result."""
         v = solved.reference
-        photos, camera = solved.chosen.photos, solved_camera(solved, v)
+        photos, camera = solved.photos, solved.intrinsics[v]
         result = photos[v].result
         scale = scene_scales(solved)[v]
         depth = np.where(result.scene.valid, scale * result.scene.points[..., 2], np.nan).astype(np.float32)
@@ -206,24 +204,10 @@ def solve_reference(given: ReferenceInput, config: Config, errors: KeypointSetti
     return replace(found, photo=given.result.photo, lens=given.result.lens, notes=(*found.notes, *notes))
 
 
-def solved_camera(solved: SolvedScene, view: int) -> Intrinsics:
-    """Return the camera of a photo with its solved focal length."""
-    before = solved.chosen.photos[view].result.intrinsics
-    factor = float(np.exp(solved.bundle.log_focal[view]))
-    return replace(
-        before,
-        fx=before.fx * factor,
-        fy=before.fy * factor,
-        source=before.source if before.known else "several photos",
-        trust=before.trust if before.known else CameraTrust.ESTIMATED,
-        focal_sigma=solved.sigmas[view].log_focal,
-    )
-
-
 def scene_scales(solved: SolvedScene) -> FloatArray:
     """Return the factor (V,) from the scene of each photo alone to the solution: by the depths of the people."""
-    factors = np.ones(len(solved.chosen.photos))
-    for v, photo in enumerate(solved.chosen.photos):
+    factors = np.ones(len(solved.photos))
+    for v, photo in enumerate(solved.photos):
         here = np.flatnonzero(solved.rows[:, v] >= 0)
         if len(here):
             joints = solved.bundle.pose(v).to_camera(solved.bodies.joints[here, 0])
@@ -237,7 +221,7 @@ def _contact(solved: SolvedScene, people: Sequence[PersonOfScene], model: BodyMo
 
     Both are 0 for a person whom the reference photo alone shows, and where a photo alone has no probabilities.
     """
-    photos = solved.chosen.photos
+    photos = solved.photos
     total, count = np.zeros((len(people), model.num_vertices)), np.zeros(len(people))
     for i, person in enumerate(people):
         for v, row in person.shown.items() if _is_placed(person, solved) else ():
@@ -259,7 +243,7 @@ def _floors(solved: SolvedScene, model: BodyModel) -> FloatArray | None:
     The normal is the robust mean of the photos' normals, turned a little so that most people stand on the floor: those
     whose lowest point the photos alone have on it.
     """
-    photos, ups = solved.chosen.photos, solved.observations.up
+    photos, ups = solved.photos, solved.observations.up
     known = np.flatnonzero(np.isfinite(ups).all(1))
     own = photos[solved.reference].result.scene.floor
     if own is None or len(known) < 2:
@@ -288,10 +272,10 @@ def _height_alone(solved: SolvedScene, row: IntArray, known: IntArray) -> float:
     """Return the median height of a person's lowest point over the floors of the photos alone; inf without any."""
     heights = []
     for v in known.tolist():
-        photo = solved.chosen.photos[v]
+        photo = solved.photos[v]
         floor = photo.result.scene.floor
         if row[v] >= 0 and floor is not None:
-            vertices = photo.result.people[photo.people.rows[row[v]]].vertices
+            vertices = photo.result.people[photo.rows[row[v]]].vertices
             heights.append(float((vertices @ np.asarray(floor.normal)).min()) + floor.offset)
     return float(np.median(heights)) if heights else np.inf
 
@@ -327,7 +311,7 @@ def _plane_under(lowest: FloatArray, normal: FloatArray) -> tuple[FloatArray, fl
 
 def _view(solved: SolvedScene, people: Sequence[PersonOfScene], view: int) -> OtherView:
     """Return what another photo shows of everybody in the result."""
-    photos = solved.chosen.photos
+    photos = solved.photos
     keypoints = _keypoints(people, photos, view)
     result = photos[view].result
     masks = np.zeros((len(people), *result.image.shape[:2]), bool)
@@ -339,7 +323,7 @@ def _view(solved: SolvedScene, people: Sequence[PersonOfScene], view: int) -> Ot
         for x in (
             solved.bundle.rotation[view],
             solved.bundle.translation[view],
-            solved_camera(solved, view).matrix,
+            solved.intrinsics[view].matrix,
             keypoints.points,
             keypoints.confidence,
         )
@@ -348,11 +332,11 @@ def _view(solved: SolvedScene, people: Sequence[PersonOfScene], view: int) -> Ot
     return OtherView(rotation, translation, K, points, confidence, torch.from_numpy(masks), observed)
 
 
-def _keypoints(everybody: Sequence[PersonOfScene], photos: Sequence[Photo], view: int) -> Keypoints:
+def _keypoints(everybody: Sequence[PersonOfScene], photos: Sequence[ScenePhoto], view: int) -> Keypoints:
     """Return the keypoints of everybody in the result in one photo; 0 for people whom it does not show."""
     own, count = photos[view].people, len(everybody)
     points, confidence = np.zeros((count, len(own.skeleton), 2)), np.zeros((count, len(own.skeleton)))
-    row_of = {index: row for row, index in enumerate(own.rows)}
+    row_of = {index: row for row, index in enumerate(photos[view].rows)}
     for i, person in enumerate(everybody):
         row = row_of.get(person.shown.get(view, -1))
         if row is not None:

@@ -10,16 +10,15 @@ import numpy as np
 
 from physic_core import with_cameras
 from physic_core.types import CameraView
-from physic_scene.reference import scene_scales, solved_camera
+from physic_scene.reference import scene_scales
 from physic_scene.types import CameraPose, ScenePerson, SceneResult
 from physic_scene.verdict import SolvedView, contradictions
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Reconstruction, UInt8Array
-    from physic_scene.cameras import SolvedScene
     from physic_scene.people import PersonOfScene
-    from physic_scene.selection import Photo
     from physic_scene.settings import SceneSettings
+    from physic_scene.solved import ScenePhoto, SolvedScene
 
 _POINTS = 60_000  # of the scene of each photo
 
@@ -38,7 +37,7 @@ def assemble(
     factor = reconstruction.scene.scale  # of the joint solution, which cameras and scene share
     scales = scene_scales(solved) * factor
     solved = replace(solved, bundle=solved.bundle.scaled(factor))
-    photos, v = solved.chosen.photos, solved.reference
+    photos, v = solved.photos, solved.reference
     cameras = tuple(_cameras(solved, everybody, scales))
     people = _people(photos, everybody, reconstruction)
     measured = contradictions(_solved_views(solved, cameras), solved.rows, settings)
@@ -51,10 +50,11 @@ def assemble(
     shared = "1 person" if len(solved.rows) == 1 else f"{len(solved.rows)} people"
     notes = (
         f"cameras of {len(photos)} photos from {shared}; the frame is that of {photos[v].name}",
+        *solved.notes,
         *moved,
         *others,
     )
-    left_out = tuple(one.message for one in solved.chosen.left_out)
+    left_out = tuple(one.message for one in solved.left_out)
     return SceneResult(
         reconstruction=replace(
             reconstruction,
@@ -64,26 +64,18 @@ def assemble(
         reference=photos[v].index,
         cameras=cameras,
         people=people,
-        left_out=solved.chosen.left_out,
+        left_out=solved.left_out,
         points=points,
         colors=colors,
         notes=(notes[0], *left_out, *moved),
-        diagnostics={
-            "matched_pixels": {
-                f"{photos[m.views[0]].name}, {photos[m.views[1]].name}": len(m.first) for m in solved.chosen.background
-            },
-            "matching_scores": {
-                f"{photos[a].name}, {photos[b].name}": round(match.score, 2)
-                for (a, b), match in solved.chosen.matches.items()
-            },
-        },
+        diagnostics=dict(solved.diagnostics),
     )
 
 
 def _solved_views(solved: SolvedScene, cameras: Sequence[CameraPose]) -> list[SolvedView]:
     """Return what contradicts the cameras may be measured on."""
     found = []
-    for v, (photo, camera) in enumerate(zip(solved.chosen.photos, cameras, strict=True)):
+    for v, (photo, camera) in enumerate(zip(solved.photos, cameras, strict=True)):
         floor, size = photo.result.scene.floor, (camera.intrinsics.width, camera.intrinsics.height)
         plane = None if floor is None else np.append(np.asarray(floor.normal, np.float64), floor.offset)
         pose = solved.bundle.pose(v)
@@ -110,24 +102,23 @@ def _not_shown(person: ScenePerson, reference: str, names: dict[int, str]) -> st
 def _cameras(solved: SolvedScene, everybody: Sequence[PersonOfScene], scales: FloatArray) -> list[CameraPose]:
     """Return the camera of each photo, with the factors (V,) on the scenes of the photos alone."""
     found = []
-    for v, photo in enumerate(solved.chosen.photos):
+    for v, photo in enumerate(solved.photos):
         person = {
             rows[v]: one.number
             for one in everybody
             if v in (rows := one.shown if one.solved else {**one.elsewhere, **one.shown})
         }
         errors = solved.errors[v][np.isfinite(solved.errors[v])]
-        sigma, own = solved.sigmas[v], v == solved.reference
         found.append(
             CameraPose(
                 photo=photo.name,
                 index=photo.index,
-                intrinsics=solved_camera(solved, v),
+                intrinsics=solved.intrinsics[v],
                 rotation=solved.bundle.rotation[v],
                 translation=solved.bundle.translation[v],
-                rotation_sigma_deg=0.0 if own else sigma.rotation_deg,
-                position_sigma_m=0.0 if own else sigma.position_m,
-                focal_sigma=sigma.log_focal,
+                rotation_sigma_deg=float(np.degrees(solved.rotation_sigma[v])),
+                position_sigma_m=float(solved.position_sigma[v]),
+                focal_sigma=solved.intrinsics[v].focal_sigma or 0.0,
                 people=tuple(person.get(i) for i in range(len(photo.result.people))),
                 reprojection=float(np.median(errors)) if len(errors) else float("nan"),
                 scene_scale=float(scales[v]),
@@ -166,7 +157,7 @@ def _views(
 
 
 def _people(
-    photos: Sequence[Photo], everybody: Sequence[PersonOfScene], reconstruction: Reconstruction
+    photos: Sequence[ScenePhoto], everybody: Sequence[PersonOfScene], reconstruction: Reconstruction
 ) -> tuple[ScenePerson, ...]:
     """Return all people but those whom the reference photo alone shows."""
     numbered = [(one, row) for row, one in enumerate(everybody) if one.number is not None]

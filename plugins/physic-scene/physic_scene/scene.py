@@ -6,22 +6,21 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import torch
 
-from physic_core import Pipeline
+from physic_core import Pipeline, load_backend
 from physic_core.body import load_body
 from physic_core.errors import BackendError, InputError, NoPersonError
-from physic_core.types import KnownSizes
+from physic_core.types import KnownSizes, SkippedPhoto
 from physic_scene.ages import ages_of_photos, ages_of_scene, check_ages
-from physic_scene.cameras import solve_cameras
 from physic_scene.energy import require_default_engine
-from physic_scene.matching import joined_matches
-from physic_scene.observations import observe
 from physic_scene.people import people_of_scene
 from physic_scene.reference import ReferenceInput, solve_reference
 from physic_scene.result import assemble
-from physic_scene.selection import ChosenPhotos, Photo, select_photos
 from physic_scene.settings import SceneSettings
+from physic_scene.solved import ScenePhoto, SolvedScene
+from physic_scene.solver import solver_options
 
 if TYPE_CHECKING:
     import os
@@ -30,6 +29,7 @@ if TYPE_CHECKING:
 
     from physic_core import Config
     from physic_core.body.model import BodyModel
+    from physic_core.interfaces import Backend, CameraSolver
     from physic_core.types import Intrinsics, Reconstruction
     from physic_scene.types import SceneResult
 
@@ -39,14 +39,19 @@ if TYPE_CHECKING:
 FEWEST, MOST = 2, 8
 """Numbers of photos."""
 
+_SOLVER = "physic-scene:people"  # where the configuration has no camera_solver
+
 
 class Scene:
     """Reconstructs moments from several photos; backends stay loaded between moments.
 
     Args:
         config: as of :class:`physic_core.Pipeline`: a Config, the name of a preset, the path of a TOML file, or its
-            tables. ``engine.preset`` must be "default".
-        settings: of matching and cameras.
+            tables. ``engine.preset`` must be "default". ``[camera_solver]`` names the solver of cameras; without it,
+            the "people" of this package.
+        settings: of the joint solution, of what contradicts cameras, and of the "people" of this package if the
+            configuration has no solver.
+        solver: in place of that of the configuration; it is loaded here, and not closed.
 
     Raises:
         PhysicError: as of :class:`physic_core.Pipeline`.
@@ -56,9 +61,12 @@ class Scene:
         self,
         config: Config | Mapping[str, Any] | str | os.PathLike[str] | None = None,
         settings: SceneSettings | None = None,
+        solver: CameraSolver | None = None,
     ) -> None:
         self._pipeline = Pipeline(config)
         self._settings = settings or SceneSettings()
+        self._given = solver
+        self._loaded: Backend | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -69,6 +77,9 @@ class Scene:
     def close(self) -> None:
         """Close all backends."""
         self._pipeline.close()
+        if self._loaded is not None:
+            self._loaded.close()
+            self._loaded = None
 
     def __call__(
         self,
@@ -113,13 +124,15 @@ class Scene:
             results.append(alone(i, () if several else known.age))
             check_ages(known.age, names[0], results[0])
         step = progress or (lambda name, done, total: None)
-        chosen = self._choose(results, names, step)
+        solved = self._cameras(results, names, known.stature, step)
         if several:
             config = self._pipeline.config.photo
             prompted = bool(config.person or config.box or config.masks)
-            ages = ages_of_photos(known.age, chosen, prompted=prompted)
-            chosen = self._with_results(chosen, {i: alone(i, age) for i, age in ages.items()})
-        return self._solve(chosen, known.stature, step)
+            ages = ages_of_photos(known.age, solved, prompted=prompted)
+            again = [alone(i, ages[i]) if i in ages else result for i, result in enumerate(results)]
+            _require_same_people(results, again, names)
+            solved = self._cameras(again, names, known.stature, step)
+        return self._solve(solved, step)
 
     def alone(
         self,
@@ -166,52 +179,82 @@ class Scene:
         _check_number(len(results), None)
         step = progress or (lambda name, done, total: None)
         names = _unique(names if names is not None else [f"photo {i + 1}" for i in range(len(results))])
-        return self._solve(self._choose(results, names, step), statures, step)
+        return self._solve(self._cameras(results, names, statures, step), step)
 
     def _body(self) -> BodyModel:
         return load_body(self._pipeline.config.body_model.source).to(dtype=torch.float64)
 
-    def _choose(
-        self, results: Sequence[Reconstruction | None], names: Sequence[str], progress: Progress
-    ) -> ChosenPhotos:
-        progress("matching people", 0, 3)
-        model = self._body()
+    def _solver(self) -> Backend:
+        """Return the loaded solver of cameras."""
+        if self._given is not None:
+            self._given.load(self._pipeline.config.run.device)
+            return self._given
+        if self._loaded is None:
+            chosen = self._pipeline.config.camera_solver
+            name = _SOLVER if chosen.backend == "none" else chosen.backend
+            options = solver_options(self._settings) if chosen.backend == "none" else chosen.options
+            self._loaded = load_backend("camera_solver", name, device=self._pipeline.config.run.device, **options)
+        return self._loaded
+
+    def _cameras(
+        self,
+        results: Sequence[Reconstruction | None],
+        names: Sequence[str],
+        statures: Sequence[float],
+        progress: Progress,
+    ) -> SolvedScene:
+        progress("cameras", 1, 3)
+        model, several = self._body(), len(statures) > 1
         photos = [
-            Photo(i, name, result, observe(result, model))
-            for i, (name, result) in enumerate(zip(names, results, strict=True))
+            ScenePhoto.of(i, names[i], result, model, statures if i == 0 or not several else ())
+            for i, result in enumerate(results)
             if result is not None
         ]
-        return select_photos(photos, names, self._settings)
+        empty = tuple(
+            SkippedPhoto(name, i, "no people", f"{name} is skipped: nobody was found in it")
+            for i, name in enumerate(names)
+            if results[i] is None
+        )
+        if len(photos) < FEWEST:
+            rest = f"only {photos[0].name} is left" if photos else "none is left"
+            raise InputError(
+                f"a moment needs two photos, and {rest}; {'; '.join(one.message for one in empty)}: give two different "
+                "photos that show the same people"
+            )
+        solution = self._solver()(tuple(photo.view for photo in photos))
+        solved = SolvedScene.of(solution, photos, model)
+        solved = replace(solved, left_out=(*empty, *solved.left_out))
+        if several:
+            solved.first("statures")
+        return solved
 
-    def _with_results(self, chosen: ChosenPhotos, results: Mapping[int, Reconstruction | None]) -> ChosenPhotos:
-        """Return the same people in the same photos, of which some have other results.
-
-        Raises:
-            BackendError: a photo does not show the same people as before.
-        """
-        photos, model = [], self._body()
-        for photo in chosen.photos:
-            result = results.get(photo.index, photo.result)
-            people = None if result is None else observe(result, model)
-            if result is None or people is None or people.rows != photo.people.rows:
-                raise BackendError(
-                    f"{photo.name} shows other people in its second run: its segmenter does not repeat its results"
-                )
-            photos.append(replace(photo, result=result, people=people))
-        everybody = [photo.people for photo in photos]
-        matches = joined_matches(everybody, chosen.matches, chosen.rows)
-        return replace(chosen, photos=tuple(photos), matches=matches)
-
-    def _solve(self, chosen: ChosenPhotos, statures: Sequence[float], progress: Progress) -> SceneResult:
+    def _solve(self, solved: SolvedScene, progress: Progress) -> SceneResult:
         model = self._body()
-        progress("cameras", 1, 3)
-        solved = solve_cameras(chosen, statures, model, self._settings)
         progress("one solution", 2, 3)
         people = people_of_scene(solved, model)
         given = ReferenceInput.of(solved, people, model)
-        given = replace(given, ages=ages_of_scene(people, solved.chosen.photos))
+        given = replace(given, ages=ages_of_scene(people, solved.photos))
         reconstruction = solve_reference(given, self._pipeline.config, self._settings.keypoints)
         return assemble(solved, people, reconstruction, self._settings)
+
+
+def _require_same_people(
+    before: Sequence[Reconstruction | None], after: Sequence[Reconstruction | None], names: Sequence[str]
+) -> None:
+    """Check that a second run of the photos shows the same people.
+
+    Raises:
+        BackendError: it does not.
+    """
+
+    def bodies(result: Reconstruction | None) -> list[bool]:
+        return [] if result is None else [bool(np.isfinite(person.vertices).all()) for person in result.people]
+
+    for one, two, name in zip(before, after, names, strict=True):
+        if bodies(one) != bodies(two):
+            raise BackendError(
+                f"{name} shows other people in its second run: its segmenter does not repeat its results"
+            )
 
 
 def reconstruct_scene(

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from physic_core.errors import InputError
+from physic_core.types import SkippedPhoto
 from physic_core.types.short_repr import ShortRepr
 from physic_scene.background import Background, same_background, same_photo, sees
 from physic_scene.matching import PairMatch, join_tracks, joined_matches, match_pair
-from physic_scene.types import LeftOut
 
 if TYPE_CHECKING:
-    from physic_core.types import IntArray, Reconstruction
+    from physic_core.types import IntArray, Intrinsics, MomentView
     from physic_scene.bundle import PixelMatches
     from physic_scene.observations import PhotoPeople
     from physic_scene.settings import SceneSettings
@@ -22,19 +22,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Photo(ShortRepr):
-    """One photo, its result alone, and its people.
+    """One photo, and its people.
 
     Attributes:
         index: of the photo, as it was given.
-        name: for messages.
-        result: reconstruction of the photo alone.
-        people: those who have a body.
+        view: what it shows by itself.
+        people: those of the view.
     """
 
     index: int
-    name: str
-    result: Reconstruction
+    view: MomentView
     people: PhotoPeople
+
+    @property
+    def name(self) -> str:
+        """Name of the photo, for messages."""
+        return self.view.name
 
 
 @dataclass(frozen=True)
@@ -46,29 +49,20 @@ class ChosenPhotos(ShortRepr):
         rows: (P, V) row of each person in ``people`` of each photo, -1 where not shown; each in at least two photos.
         matches: of each pair of photos a < b.
         left_out: the other photos.
+        intrinsics: of all photos, as they were given.
     """
 
     photos: tuple[Photo, ...]
     rows: IntArray
     matches: dict[tuple[int, int], PairMatch]
-    left_out: tuple[LeftOut, ...]
+    left_out: tuple[SkippedPhoto, ...]
+    intrinsics: tuple[Intrinsics, ...]
 
     @property
     def background(self) -> tuple[PixelMatches, ...]:
         """Matched pixels of pairs of photos that certainly show the same background."""
         pixels = ((pair, match.background) for pair, match in self.matches.items())
         return tuple(replace(own, views=pair) for pair, own in pixels if own is not None)
-
-    def first(self, sizes: str) -> Photo:
-        """Return the photo that was given first, whose people have known sizes, such as "ages".
-
-        Raises:
-            InputError: it is skipped.
-        """
-        if self.photos[0].index:
-            why = next(one.message for one in self.left_out if one.index == 0)
-            raise InputError(f"the {sizes} are those of people of the first photo, but {why}; put another photo first")
-        return self.photos[0]
 
     def without(self, view: int, reason: str, why: str) -> ChosenPhotos:
         """Return a copy without one photo."""
@@ -81,29 +75,28 @@ class ChosenPhotos(ShortRepr):
             rows[(rows >= 0).sum(1) > 1],
             {(number[a], number[b]): m for (a, b), m in self.matches.items() if view not in (a, b)},
             (*self.left_out, _left_out(photo.index, photo.name, reason, why)),
+            self.intrinsics,
         )
 
 
-def select_photos(photos: Sequence[Photo], names: Sequence[str], settings: SceneSettings) -> ChosenPhotos:
+def select_photos(photos: Sequence[Photo], settings: SceneSettings) -> ChosenPhotos:
     """Return the photos that show people, and who is who in them.
 
     Args:
-        photos: with a result.
-        names: of all photos, as they were given.
+        photos: all, as they were given.
         settings: of all steps.
 
     Raises:
         InputError: fewer than two different photos show people.
     """
-    given = {photo.index for photo in photos}
-    left = [_left_out(i, name, "no people", "nobody was found in it") for i, name in enumerate(names) if i not in given]
+    left: list[SkippedPhoto] = []
     kept: list[Photo] = []
     seen: list[Background] = []
     for photo in photos:
         if not len(photo.people):
             left.append(_left_out(photo.index, photo.name, "no people", "nobody in it has a body"))
             continue
-        background = sees(photo.result, settings.background)
+        background = sees(photo.view, settings.background)
         twin = next((k.name for k, s in zip(kept, seen, strict=True) if same_photo(s, background)), None)
         if twin is not None:
             left.append(_left_out(photo.index, photo.name, "same photo", f"it is the same picture as {twin}"))
@@ -123,8 +116,9 @@ def select_photos(photos: Sequence[Photo], names: Sequence[str], settings: Scene
         matches[a, b] = match_pair(one, two, settings.matching, settings.bundle, pixels)
     people = [photo.people for photo in kept]
     rows = join_tracks(people, matches)
-    return ChosenPhotos(tuple(kept), rows, joined_matches(people, matches, rows), tuple(left))
+    cameras = tuple(photo.view.intrinsics for photo in photos)
+    return ChosenPhotos(tuple(kept), rows, joined_matches(people, matches, rows), tuple(left), cameras)
 
 
-def _left_out(index: int, name: str, reason: str, why: str) -> LeftOut:
-    return LeftOut(name, index, reason, f"{name} is skipped: {why}")
+def _left_out(index: int, name: str, reason: str, why: str) -> SkippedPhoto:
+    return SkippedPhoto(name, index, reason, f"{name} is skipped: {why}")

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from physic_core.types.bounds import NotNegative, Positive, Share
 from physic_scene.background import BackgroundSettings
 from physic_scene.bundle import BundleSettings
 from physic_scene.energy import KeypointSettings
 from physic_scene.matching import MatchingSettings
-from physic_scene.verdict import VerdictSettings
 
 
 @dataclass(frozen=True)
@@ -25,8 +25,21 @@ class FitLimits:
             in 23.
     """
 
-    keypoint: float = 0.06
-    elsewhere: float = 10.0
+    keypoint: Positive = 0.06
+    elsewhere: NotNegative = 10.0
+
+
+@dataclass(frozen=True)
+class VerdictSettings:
+    """Settings of what counts as a contradiction.
+
+    Attributes:
+        inside: least share of a person's keypoints in the frame of a photo that ought to show the person.
+        nobody: distance from the nearest person of the photo, as a share of the stature in px, where it shows nobody.
+    """
+
+    inside: Share = 0.9
+    nobody: Positive = 0.4
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
-    from physic_core.types import BodyParameters, FloatArray, Intrinsics, Reconstruction, UInt8Array
+    from physic_core.types import BodyParameters, FloatArray, Intrinsics, Reconstruction, SkippedPhoto, UInt8Array
 
 
 @dataclass(frozen=True)
@@ -53,23 +53,6 @@ class CameraPose(ShortRepr):
         """Transform points (..., 3) of this camera's frame to the reference frame."""
         moved: FloatArray = (points - self.translation) @ self.rotation
         return moved
-
-
-@dataclass(frozen=True)
-class LeftOut:
-    """A photo that is not part of the solution.
-
-    Attributes:
-        photo: name of the photo.
-        index: of the photo, as it was given.
-        reason: one of "same photo", "no people", "does not fit".
-        message: the same as a sentence for the user.
-    """
-
-    photo: str
-    index: int
-    reason: str
-    message: str
 
 
 @dataclass(frozen=True)
@@ -122,7 +105,7 @@ class SceneResult(ShortRepr):
     reference: int
     cameras: tuple[CameraPose, ...]
     people: tuple[ScenePerson, ...]
-    left_out: tuple[LeftOut, ...]
+    left_out: tuple[SkippedPhoto, ...]
     points: FloatArray
     colors: UInt8Array
     notes: tuple[str, ...]

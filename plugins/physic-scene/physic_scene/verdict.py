@@ -19,22 +19,9 @@ if TYPE_CHECKING:
     from physic_core.types import FloatArray, IntArray
     from physic_scene.observations import PhotoPeople
     from physic_scene.rigid import Pose
-    from physic_scene.settings import SceneSettings
+    from physic_scene.settings import SceneSettings, VerdictSettings
 
 _NEAREST_M = 0.5  # of somebody whom a photo may show
-
-
-@dataclass(frozen=True)
-class VerdictSettings:
-    """Settings of what counts as a contradiction.
-
-    Attributes:
-        inside: least share of a person's keypoints in the frame of a photo that ought to show the person.
-        nobody: distance from the nearest person of the photo, as a share of the stature in px, where it shows nobody.
-    """
-
-    inside: float = 0.9
-    nobody: float = 0.4
 
 
 @dataclass(frozen=True)

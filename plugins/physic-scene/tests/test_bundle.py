@@ -103,8 +103,8 @@ def test_the_reference_camera_stays_and_others_have_an_uncertainty(moment):
     found = adjust(seen, Bundle.start(seen, poses), 0)
     assert np.allclose(found.rotation[0], np.eye(3), atol=1e-6)
     first, *others = uncertainties(seen, found, 0)
-    assert first.rotation_deg < 0.1
-    assert all(0 < other.rotation_deg < 5 and 0 < other.position_m < 0.5 for other in others)
+    assert first.rotation < np.radians(0.1)
+    assert all(0 < other.rotation < np.radians(5) and 0 < other.position_m < 0.5 for other in others)
 
 
 def test_background_pixels_narrow_the_uncertainty(moment):
@@ -117,7 +117,7 @@ def test_background_pixels_narrow_the_uncertainty(moment):
         pixels.append(local[:, :2] / local[:, 2:] * FOCAL + WIDTH / 2)
     match = PixelMatches((0, 1), *pixels)
     plain, helped = (observations(points, poses, np.random.default_rng(5), 2.0, m) for m in ((), (match,)))
-    sigmas = [uncertainties(seen, Bundle.start(seen, poses), 0)[1].rotation_deg for seen in (plain, helped)]
+    sigmas = [uncertainties(seen, Bundle.start(seen, poses), 0)[1].rotation for seen in (plain, helped)]
     assert sigmas[1] < sigmas[0]
 
 

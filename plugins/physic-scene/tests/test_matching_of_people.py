@@ -29,7 +29,6 @@ def photo(joints: np.ndarray) -> PhotoPeople:
     K = np.array([[100.0, 0.0, 59.5], [0.0, 100.0, 44.5], [0.0, 0.0, 1.0]])
     pixels = landmarks @ K.T
     return PhotoPeople(
-        rows=tuple(range(n)),
         K=K,
         focal_sigma=0.1,
         skeleton=skeleton,
@@ -43,6 +42,7 @@ def photo(joints: np.ndarray) -> PhotoPeople:
         colours=np.full((n, len(COLOUR_GROUPS), 3), 40.0),
         size_px=np.full(n, 45.0),
         up=np.full(3, np.nan),
+        known_stature=np.full(n, np.nan),
     )
 
 
@@ -152,7 +152,7 @@ def test_people_who_are_not_the_same_person_disagree(solved_views):
 
 def test_a_camera_that_shows_nobody_where_somebody_is_says_so(solved_views):
     a, b = solved_views
-    alone = {"rows": (0,), "points": b.people.points[:1], "size_px": b.people.size_px[:1], "stature": np.full(1, 1.75)}
+    alone = {"points": b.people.points[:1], "size_px": b.people.size_px[:1], "stature": np.full(1, 1.75)}
     alone |= {name: getattr(b.people, name)[:1] for name in ("confidence", "landmarks", "joints", "rotations", "betas")}
     found = verdict(a, replace(b, people=replace(b.people, colours=b.people.colours[:1], **alone)), rows=[[0, 0]])
     assert found["view_people"] == [1, 1]

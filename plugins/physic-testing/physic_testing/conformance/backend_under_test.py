@@ -171,7 +171,8 @@ class BackendUnderTest:
     def infer(self, backend: Backend, case: Case, arguments: tuple[Any, ...] | None = None) -> Any:
         """Call the backend's ``infer`` with the arguments of a case, or with ``arguments``; errors propagate."""
         given = infer_arguments(self.interface, case) if arguments is None else arguments
-        require_image(given[0])
+        for image in INTERFACES[self.interface].Request(*given).images:
+            require_image(image)
         request = INTERFACES[self.interface].Request(*given)
         return cast("Any", backend).infer(*request.limited_to(backend.reads))
 

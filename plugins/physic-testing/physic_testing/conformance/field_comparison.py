@@ -18,7 +18,7 @@ def named_values(thing: Any, path: str = "") -> Iterator[tuple[str, Any]]:
     if is_dataclass(thing) and not isinstance(thing, type):
         for field in fields(thing):
             yield from named_values(getattr(thing, field.name), f"{path}.{field.name}" if path else field.name)
-    elif isinstance(thing, tuple) and any(is_dataclass(t) or isinstance(t, np.ndarray) for t in thing):
+    elif isinstance(thing, tuple) and any(is_dataclass(t) or isinstance(t, tuple | np.ndarray) for t in thing):
         for i, part in enumerate(thing):
             yield from named_values(part, f"{path}[{i}]")
     else:

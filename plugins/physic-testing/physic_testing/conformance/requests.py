@@ -10,13 +10,14 @@ import numpy as np
 
 from physic_core.interfaces import INTERFACES
 from physic_core.types import Hints
+from physic_testing.conformance.moment import build_moment
 
 if TYPE_CHECKING:
-    from physic_core.interfaces import Request
+    from physic_core.interfaces import BaseRequest
     from physic_testing.conformance.cases import Case
 
 
-def build_request(interface: str, case: Case) -> Request[Any]:
+def build_request(interface: str, case: Case) -> BaseRequest[Any]:
     """Build the request for a case; its arrays are writable copies."""
     kind = INTERFACES[interface]
     known: dict[str, Any] = {
@@ -26,6 +27,7 @@ def build_request(interface: str, case: Case) -> Request[Any]:
         "intrinsics": case.intrinsics,
         "keypoints": case.keypoints,
         "bodies": case.bodies,
+        "photos": build_moment(case) if kind.sees == "moment" else (),
         "hints": Hints(**{name: getattr(case, name) for name in kind.hints}),
     }
     given = {field.name: known[field.name] for field in fields(kind.Request) if not field.kw_only}
@@ -50,6 +52,8 @@ def _read_only_view(thing: Any) -> Any:
         view = np.ascontiguousarray(thing[..., ::-1])[..., ::-1] if thing.ndim else thing.copy()
         view.setflags(write=False)
         return view
+    if isinstance(thing, tuple):
+        return tuple(_read_only_view(part) for part in thing)
     if is_dataclass(thing) and not isinstance(thing, type):
         return replace(thing, **{f.name: _read_only_view(getattr(thing, f.name)) for f in fields(thing)})
     return thing
