@@ -97,6 +97,7 @@ THROUGH_OTHERS = {
 BY_THE_USER = {
     "physic-core": {"onnxruntime"},  # for plugins that run ONNX files
     "physic-human": {"torchvision"},  # has to fit the user's torch; missing() names it
+    "physic-setup": {"torch"},  # of the core; its metadata do not name the build
     "physic-testing": {"pytest"},  # for the tests of plugins only
 }
 """Modules that are imported if they are there, or whose absence is reported with how to get them."""
