@@ -50,8 +50,7 @@ class CameraSolver(Backend):
         The photos are of one moment because the user says so: doubts belong into sigmas and notes. A photo that cannot
         be joined is listed in ``skipped``. Raise InputError if no two photos share a person.
 
-        Keep cameras whose ``place`` is known as they are, up to the change of frame; with two or more of them, the
-        scale is theirs. Known ``statures`` give it otherwise, then the bodies.
+        Known ``statures`` give the scale, and without them the bodies.
 
         Example: photo 0 sees a pelvis at (0, 0, 4). Camera 1 stands 4 m to the right of it, at (4, 0, 4), and looks
         left: its x axis points along z of the reference, its z axis along -x. Then ``rotation[1]`` is

@@ -15,7 +15,7 @@ from physic_core.types.contacts import NO_PARTNER, PARTNER_KINDS, BodyContact, C
 from physic_core.types.depth import AffineAmbiguity, DepthMap, Plane, Pointmap
 from physic_core.types.hints import Hints
 from physic_core.types.known_sizes import KnownLength, KnownSizes
-from physic_core.types.moment import CameraPlace, MomentView, SkippedPhoto, SolvedCameras
+from physic_core.types.moment import MomentView, SkippedPhoto, SolvedCameras
 from physic_core.types.people import Keypoints, People, UnposedPerson
 from physic_core.types.prompt import PeoplePrompt
 from physic_core.types.records import CheckResult, CheckState, Grade, Provenance, StageRecord, summarize_checks
@@ -40,7 +40,6 @@ __all__ = [
     "Bodies",
     "BodyContact",
     "BodyParameters",
-    "CameraPlace",
     "CameraTrust",
     "CameraView",
     "CheckResult",

@@ -17,19 +17,6 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class CameraPlace(ShortRepr):
-    """Known pose of a camera: a point x of the world is ``rotation @ x + translation`` in the camera's frame.
-
-    Attributes:
-        rotation: (3, 3).
-        translation: (3,) metres.
-    """
-
-    rotation: FloatArray
-    translation: FloatArray
-
-
-@dataclass(frozen=True)
 class MomentView(ShortRepr):
     """One of several photos of a moment: what it shows by itself, in the frame of its camera, metres.
 
@@ -45,7 +32,6 @@ class MomentView(ShortRepr):
             errors of single photos.
         statures: (N,) known standing heights, metres, NaN where unknown.
         floor: plane under the people, or None.
-        place: known pose of the camera, in a world that all known cameras of the moment share, or None.
     """
 
     name: str
@@ -56,7 +42,6 @@ class MomentView(ShortRepr):
     bodies: Bodies
     statures: FloatArray
     floor: Plane | None = None
-    place: CameraPlace | None = None
 
 
 @dataclass(frozen=True)
@@ -87,8 +72,8 @@ class SolvedCameras(ShortRepr):
         rotation: (V, 3, 3) from the reference frame to the frame of each camera; identity for the reference.
         translation: (V, 3) metres: a point x of the reference frame is ``rotation @ x + translation`` in a camera.
         intrinsics: solved camera of each photo, with ``focal_sigma``.
-        rotation_sigma: (V,) standard deviation of each rotation, radians; 0 for the reference and for known cameras.
-        position_sigma: (V,) standard deviation of each camera centre, metres; 0 likewise.
+        rotation_sigma: (V,) standard deviation of each rotation, radians; 0 for the reference.
+        position_sigma: (V,) standard deviation of each camera centre, metres; 0 for the reference.
         people: (P, V) int, row of each person in each photo, -1 where the photo does not show the person. Everybody is
             in at least two photos.
         points: (P, J, 3) metres, the keypoints of each person in the reference frame, NaN where unknown.

@@ -19,7 +19,7 @@ from physic_scene.observations import PhotoPeople, observe
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
-    from physic_core.types import CameraPlace, FloatArray, IntArray, Intrinsics, Reconstruction, SkippedPhoto
+    from physic_core.types import FloatArray, IntArray, Intrinsics, Reconstruction, SkippedPhoto
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,6 @@ class ScenePhoto(ShortRepr):
         result: Reconstruction,
         model: BodyModel,
         statures: Sequence[float] = (),
-        place: CameraPlace | None = None,
     ) -> ScenePhoto:
         """Return a photo from its reconstruction.
 
@@ -63,7 +62,6 @@ class ScenePhoto(ShortRepr):
             result: of the photo alone.
             model: body model of its people, float64.
             statures: known heights, metres: one for all, or of its people from left to right, 0 where unknown.
-            place: known pose of its camera.
         """
         rows = tuple(i for i, person in enumerate(result.people) if np.isfinite(person.vertices).all())
         view = _view(name, result, rows, model)
@@ -71,7 +69,7 @@ class ScenePhoto(ShortRepr):
         if len(statures):
             order = np.argsort((view.people.boxes[:, 0] + view.people.boxes[:, 2]) / 2, kind="stable")
             known[order] = np.resize(statures, len(rows))
-        view = replace(view, statures=np.where(known > 0, known, np.nan), place=place)
+        view = replace(view, statures=np.where(known > 0, known, np.nan))
         return cls(index, result, rows, view, observe(view, model))
 
 
