@@ -62,7 +62,8 @@ class CameraSolver(Backend):
     def check(cls, result: SolvedCameras, request: CameraSolverRequest) -> Iterator[str]:
         """Check poses, cameras and sigmas of the photos in the solution, and the rows and points of P people."""
         views = len(request.photos)
-        joints = request.photos[0].keypoints.points.shape[1] if views else 0
+        # A photo without people has no skeleton of its own.
+        joints = next((photo.keypoints.points.shape[1] for photo in request.photos if len(photo.people)), 0)
         people = len(result.people) if getattr(result.people, "ndim", 0) else 0
         wrong = [
             *check_array("rotation", result.rotation, (views, 3, 3), "float"),

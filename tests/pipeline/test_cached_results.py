@@ -103,7 +103,7 @@ def warm(first, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder = tmp_path / "cache"
     shutil.copytree(first[0], folder)
     monkeypatch.setenv("PHYSIC_CACHE", str(folder))
-    return folder / "answers"
+    return folder / "results"
 
 
 def by_file(photo: Path, folder: Path, swap: dict[str, str]) -> None:
@@ -249,9 +249,7 @@ def test_a_damaged_cache_entry_is_computed_again_with_a_note(first, warm: Path, 
     result = reconstruct(read_photo(photo).image, "mock")
     assert counts.asked == Counter(["metric_depth"])
     assert result.notes[:-1] == first[1].notes
-    assert result.notes[-1].startswith(
-        f"a damaged file of the cache was dropped and its answer computed again: {file} ("
-    )
+    assert result.notes[-1].startswith(f"discarded a damaged cache file, and computed its result again: {file} (")
     np.testing.assert_array_equal(result.people[0].vertices, first[1].people[0].vertices)
     counts.asked.clear()
     assert reconstruct(read_photo(photo).image, "mock").notes == first[1].notes

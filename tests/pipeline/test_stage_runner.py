@@ -267,4 +267,4 @@ def test_a_cached_result_must_pass_the_check(
     assert once.depth.shape == SHAPE
     stages.close()
     assert events == ["load a on cpu", "infer a", "load a on cpu", "infer a", "close a"]
-    assert stages.notes == [f"a damaged file of the cache was dropped and its answer computed again: {file} (x)"]
+    assert stages.notes == [f"discarded a damaged cache file, and computed its result again: {file} (x)"]
