@@ -84,7 +84,7 @@ class CheckRun:
         except CheckFailed as failure:
             return Result(
                 name,
-                "warned" if check.warns else "failed",
+                "failed",
                 failure.expected,
                 failure.got,
                 failure.hint,
