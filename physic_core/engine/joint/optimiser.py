@@ -284,7 +284,7 @@ class LbfgsHistory:
         total = g.square().sum() if h is None else g.square().sum() + h.double().sum().square()
         if self._gamma is None:
             self._gamma = (_FIRST_STEP / total.sqrt().clamp(min=1e-30)).clamp(max=1.0).expand(len(g))
-        none = torch.zeros_like(g[:, 0])
+        none = g.new_zeros(len(g))
         if h is None:
             step, _ = self._apply_inverse(g[..., None], none[:, None])
             return -step[..., 0].to(gradient.people), None
