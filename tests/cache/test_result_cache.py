@@ -193,7 +193,7 @@ def test_a_disk_that_cannot_be_written_costs_one_note(tmp_path: Path):
         assert cache.read(ask(cache)) is None
     (note,) = cache.notes
     assert note.startswith("results of backends cannot be cached: ")
-    assert note.endswith("; name another folder in PHYSIC_CACHE, or switch it off")
+    assert note.endswith("; set PHYSIC_CACHE to another folder, or to off")
     cache.trim()
     assert (tmp_path / "file").read_text() == ""
 

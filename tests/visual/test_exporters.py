@@ -113,7 +113,7 @@ def test_a_plugin_with_a_wrong_record_is_a_broken_plugin(plugin: Any, arguments:
     source = "from physic_core import ExporterRecord, hookimpl\n@hookimpl\ndef physic_exporters():\n"
     plugin.install("physic-bad", f"{source}    return [ExporterRecord({arguments})]\n")
     (cause,) = [broken.cause for broken in discover().broken if broken.origin.distribution == "physic-bad"]
-    assert cause.startswith(f"ValueError: {message}")
+    assert cause.startswith(f"physic_exporters() fails: ValueError: {message}")
     assert find_exporter("box").record.name == "box"
 
 
