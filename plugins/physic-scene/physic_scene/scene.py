@@ -211,7 +211,7 @@ class Scene:
             if result is not None
         ]
         empty = tuple(
-            SkippedPhoto(name, i, "no people", f"{name} is skipped: nobody was found in it")
+            SkippedPhoto(name, i, "no people", f"{name} is skipped: no person was detected in it")
             for i, name in enumerate(names)
             if results[i] is None
         )

@@ -74,7 +74,7 @@ class ChosenPhotos(ShortRepr):
             tuple(self.photos[v] for v in keep),
             rows[(rows >= 0).sum(1) > 1],
             {(number[a], number[b]): m for (a, b), m in self.matches.items() if view not in (a, b)},
-            (*self.left_out, _left_out(photo.index, photo.name, reason, why)),
+            (*self.left_out, _skipped_photo(photo.index, photo.name, reason, why)),
             self.intrinsics,
         )
 
@@ -94,12 +94,12 @@ def select_photos(photos: Sequence[Photo], settings: SceneSettings) -> ChosenPho
     seen: list[Background] = []
     for photo in photos:
         if not len(photo.people):
-            left.append(_left_out(photo.index, photo.name, "no people", "nobody in it has a body"))
+            left.append(_skipped_photo(photo.index, photo.name, "no people", "no person in it has a body"))
             continue
         background = sees(photo.view, settings.background)
         twin = next((k.name for k, s in zip(kept, seen, strict=True) if same_photo(s, background)), None)
         if twin is not None:
-            left.append(_left_out(photo.index, photo.name, "same photo", f"it is the same picture as {twin}"))
+            left.append(_skipped_photo(photo.index, photo.name, "same photo", f"it is the same picture as {twin}"))
             continue
         kept.append(photo)
         seen.append(background)
@@ -120,5 +120,5 @@ def select_photos(photos: Sequence[Photo], settings: SceneSettings) -> ChosenPho
     return ChosenPhotos(tuple(kept), rows, joined_matches(people, matches, rows), tuple(left), cameras)
 
 
-def _left_out(index: int, name: str, reason: str, why: str) -> SkippedPhoto:
+def _skipped_photo(index: int, name: str, reason: str, why: str) -> SkippedPhoto:
     return SkippedPhoto(name, index, reason, f"{name} is skipped: {why}")

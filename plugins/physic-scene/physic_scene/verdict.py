@@ -64,7 +64,7 @@ def contradictions(
         why = f"the people of {view.name} are unlike those of the other photos in pose, place or clothes: {look}"
         yield view.name, "view_agreement", cost, why
         nobody = sum(_shows_nobody(view, other, row, settings.verdict) for other, row in _others(views, rows, v))
-        why = f"{view.name} shows nobody where other photos have somebody: {look}"
+        why = f"{view.name} shows no person where other photos show one: {look}"
         yield view.name, "view_nobody", nobody, why
         heights = [abs(h) for w in range(len(views)) if w != v and (h := _height(view, views[w])) is not None]
         why = f"the camera of {view.name} is not as high over its floor as over those of the other photos: {look}"

@@ -82,7 +82,7 @@ def test_statures_of_a_photo_that_is_left_out_are_refused(solver, alone):
     with pytest.raises(InputError) as error:
         solver.join([replace(alone[0], people=()), *alone], statures=(1.8, 0.0))
     assert str(error.value) == (
-        "the statures are those of people of the first photo, but photo 1 is skipped: nobody in it has a body; put "
+        "the statures are those of people of the first photo, but photo 1 is skipped: no person in it has a body; put "
         "another photo first"
     )
 

@@ -200,7 +200,8 @@ def test_two_different_photos_with_people_are_needed(solver, alone):
         (
             [None, None],
             "none is left",
-            "a.png (photo 1) is skipped: nobody was found in it; a.png (photo 2) is skipped: nobody was found in it",
+            "a.png (photo 1) is skipped: no person was detected in it; "
+            "a.png (photo 2) is skipped: no person was detected in it",
         ),
     ):
         with pytest.raises(InputError) as error:
