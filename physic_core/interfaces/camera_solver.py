@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from physic_core.types import MomentView, UInt8Array
 
 _ORTHONORMAL = 1e-3  # largest deviation of R R^T from the identity
+_KNOWN_POSE_M = 1e-3  # largest deviation of a known translation
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,8 @@ class CameraSolver(Backend):
         The photos are of one moment because the user says so: doubts belong into sigmas and notes. A photo that cannot
         be joined is listed in ``skipped``. Raise InputError if no two photos share a person.
 
-        Known ``statures`` give the scale, and without them the bodies.
+        Photos with a known ``pose`` keep the motion between them, and their intrinsics. Two of them give the scale;
+        otherwise known ``statures`` do, and without these the bodies.
 
         Example: photo 0 sees a pelvis at (0, 0, 4). Camera 1 stands 4 m to the right of it, at (4, 0, 4), and looks
         left: its x axis points along z of the reference, its z axis along -x. Then ``rotation[1]`` is
@@ -137,6 +140,24 @@ def _check_values(result: SolvedCameras, request: CameraSolverRequest) -> Iterat
             sigma = float(getattr(result, name)[v])
             if not 0 <= sigma <= METRES:
                 yield f"{name} of photo {v} must be a number from 0 to {METRES:g}, got {sigma!r}"
+    yield from _check_known_poses(result, request, kept)
     own = result.rotation[result.reference], result.translation[result.reference]
     if max(np.abs(own[0] - np.eye(3)).max(), np.abs(own[1]).max()) > _ORTHONORMAL:
         yield "the pose of the reference camera must be the identity: the frame is its own"
+
+
+def _check_known_poses(result: SolvedCameras, request: CameraSolverRequest, kept: list[int]) -> Iterator[str]:
+    """Check that photos of known pose have the motion between them that is known."""
+    import numpy as np
+
+    known = {v: pose for v in kept if (pose := request.photos[v].pose) is not None}
+    for a, b in itertools.pairwise(known):
+        given = np.linalg.inv(known[b]) @ known[a]
+        rotation = result.rotation[b] @ result.rotation[a].T
+        translation = result.translation[b] - rotation @ result.translation[a]
+        turned, away = np.abs(rotation - given[:3, :3]).max(), np.abs(translation - given[:3, 3]).max()
+        if not (turned < _ORTHONORMAL and away < _KNOWN_POSE_M):
+            yield (
+                f"photos {a} and {b} have known poses, which must be kept: the motion between them is {away:.2g} m and "
+                f"{turned:.2g} (of a rotation matrix) off"
+            )

@@ -32,6 +32,8 @@ class MomentView(ShortRepr):
             errors of single photos.
         statures: (N,) known standing heights, metres, NaN where unknown.
         floor: plane under the people, or None.
+        pose: (4, 4) rigid transform from the frame of this camera to that of a calibrated rig, metres; None where
+            unknown. All poses of a moment are of one rig, and ``intrinsics`` are those of the same calibration.
     """
 
     name: str
@@ -42,6 +44,7 @@ class MomentView(ShortRepr):
     bodies: Bodies
     statures: FloatArray
     floor: Plane | None = None
+    pose: FloatArray | None = None
 
 
 @dataclass(frozen=True)
