@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from physic_core.configuration.model import Config
     from physic_core.discovery.registry import Registry
 
-_WITHOUT_EFFECT = ("cache", "cache_mb", "low_memory", "threads", "timeout_s")
+_WITHOUT_EFFECT = ("cache", "cache_mb", "low_memory", "threads")
 """Settings of ``[run]`` that change no result by more than rounding."""
 
 

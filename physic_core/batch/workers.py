@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import faulthandler
 import gc
-import math
 import multiprocessing
 import os
 import signal
@@ -30,7 +29,6 @@ from physic_core.batch.machine import peak_memory_mb
 from physic_core.errors import BackendError, OutputError, PhysicError
 from physic_core.files.atomic import atomic_write, check_writable
 from physic_core.files.own import MARK, check_own, open_to_append
-from physic_core.pipeline.time_limit import report_calls_to
 
 __all__ = [
     "LOAD_LIMIT_S",
@@ -38,7 +36,6 @@ __all__ = [
     "SupervisedWorker",
     "WorkerSettings",
     "error_named",
-    "report_calls_to",
     "run_in_workers",
 ]
 
@@ -91,15 +88,11 @@ class WorkerSettings:
         count: number of processes; a function gets the peak memory, MB, of the first worker after its first task.
         timeout: longest time of one task, s; None for no limit.
         logs: folder for what the workers print, one file each; None prints to the terminal.
-        single_thread: whether libraries use one thread, unless variables of the environment set more.
-        attempts: maximum number of attempts of a task if its worker dies.
     """
 
     count: int | Callable[[float], int] = 1
     timeout: float | None = None
     logs: Path | None = None
-    single_thread: bool = True
-    attempts: int = _MAX_ATTEMPTS
 
 
 def run_in_workers(
@@ -156,7 +149,7 @@ def run_in_workers(
                 for outcome in (future.result() for future in done):
                     if callable(settings.count) and limit == 1 and not outcome.failure:
                         limit = max(1, settings.count(outcome.peak_mb))
-                    if outcome.failure == "WorkerDied" and outcome.attempts < settings.attempts:
+                    if outcome.failure == "WorkerDied" and outcome.attempts < _MAX_ATTEMPTS:
                         again.append((outcome.task, outcome.attempts + 1))
                     else:
                         yield outcome
@@ -170,7 +163,7 @@ class _ProcessEndedError(Exception):
 
 
 class _TimeLimitError(Exception):
-    """The process of a worker exceeded a time limit and was ended; the message names the limit, if a call has one."""
+    """The process of a worker exceeded its time limit and was ended."""
 
 
 class _Worker(Generic[Task]):
@@ -193,7 +186,7 @@ class _Worker(Generic[Task]):
             self._start()
             self._receive(time.monotonic() + LOAD_LIMIT_S)
         except _TimeLimitError as error:
-            raise BackendError(str(error) or f"the backends are not loaded after {LOAD_LIMIT_S:.0f} s") from error
+            raise BackendError(f"the backends are not loaded after {LOAD_LIMIT_S:.0f} s") from error
         except _ProcessEndedError as error:
             if tries == 1:
                 raise BackendError(f"a worker ended while it loaded the backends: {error}") from error
@@ -215,9 +208,9 @@ class _Worker(Generic[Task]):
             value, peak_mb = self._receive(None if timeout is None else start + timeout)
         except _ProcessEndedError as error:
             return Outcome(task, None, "WorkerDied", str(error), time.monotonic() - start)
-        except _TimeLimitError as error:
+        except _TimeLimitError:
             seconds = time.monotonic() - start
-            message = str(error) or f"no result after {seconds:.0f} s; --timeout sets the limit"
+            message = f"no result after {seconds:.0f} s; --timeout sets the limit"
             return Outcome(task, None, "Timeout", message, seconds)
         return Outcome(task, value, seconds=time.monotonic() - start, peak_mb=peak_mb)
 
@@ -232,7 +225,7 @@ class _Worker(Generic[Task]):
 
     def _start(self) -> None:
         context = multiprocessing.get_context("spawn")
-        with _STARTING, _environment(_SINGLE_THREAD if self._settings.single_thread else {}):
+        with _STARTING, _environment(_SINGLE_THREAD):
             if self._is_closed:
                 raise BackendError("the workers are closed")
             self._pipe, theirs = context.Pipe()
@@ -249,36 +242,25 @@ class _Worker(Generic[Task]):
 
         Raises:
             _ProcessEndedError: it died.
-            _TimeLimitError: the deadline passed, or the limit of a call of a backend.
+            _TimeLimitError: the deadline passed.
             PhysicError: it cannot be opened, or its task raised OutputError.
         """
-        title, call_limit, call_end = "", 0.0, math.inf
-        while True:
-            limit = min(math.inf if deadline is None else deadline, call_end)
-            left = None if limit == math.inf else max(0.0, limit - time.monotonic())
-            found = connection.wait([self._pipe, self._process.sentinel], left)
-            if not found:
-                self._end()
-                late = time.monotonic() >= call_end
-                raise _TimeLimitError(
-                    f"{title}: not finished after {call_limit:g} s; timeout_s of [run] sets the limit" if late else ""
-                )
-            try:
-                kind, *content = self._pipe.recv() if self._pipe.poll() else ("died",)
-            except (EOFError, OSError):
-                kind, content = "died", []
-            if kind == "call":
-                title, call_limit = content
-                call_end = time.monotonic() + call_limit if title else math.inf
-            elif kind == "refused":
-                raise error_named(*content)
-            elif kind == "died":
-                self._process.join(_END_S)
-                how = _describe_end(self._process.exitcode, self._log)
-                self._end()
-                raise _ProcessEndedError(f"{title}: {how}" if title else how)
-            else:
-                return content
+        left = None if deadline is None else max(0.0, deadline - time.monotonic())
+        if not connection.wait([self._pipe, self._process.sentinel], left):
+            self._end()
+            raise _TimeLimitError
+        try:
+            kind, *content = self._pipe.recv() if self._pipe.poll() else ("died",)
+        except (EOFError, OSError):
+            kind, content = "died", []
+        if kind == "refused":
+            raise error_named(*content)
+        if kind == "died":
+            self._process.join(_END_S)
+            how = _describe_end(self._process.exitcode, self._log)
+            self._end()
+            raise _ProcessEndedError(how)
+        return content
 
     def _end(self) -> None:
         process, self._process = self._process, None
@@ -311,11 +293,11 @@ class SupervisedWorker(_Worker[Task]):
             PhysicError: a new worker cannot be opened.
             OutputError: the task raised OutputError.
         """
-        for number in range(1, self._settings.attempts):
+        for number in range(1, _MAX_ATTEMPTS):
             outcome = self.try_once(task)
             if outcome.failure != "WorkerDied":
                 return replace(outcome, attempts=number)
-        return replace(self.try_once(task), attempts=self._settings.attempts)
+        return replace(self.try_once(task), attempts=_MAX_ATTEMPTS)
 
 
 def _work(pipe: connection.Connection, open_worker: Callable[[], Callable[[Any], Any]], log: Path | None) -> None:
@@ -324,7 +306,6 @@ def _work(pipe: connection.Connection, open_worker: Callable[[], Callable[[Any],
     _redirect_output(log)
     faulthandler.enable()
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    report_calls_to(lambda title, seconds: pipe.send(("call", title, seconds)))
     try:
         process = open_worker()
     except BaseException as error:

@@ -6,8 +6,8 @@ import itertools
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any
@@ -145,26 +145,17 @@ def run(
     if verbose and quiet:
         raise click.UsageError("--verbose prints more and --quiet less: give one of them")
     photo = one_photo(photos)
-    settings = {"preset": preset, "overrides": overrides, "flags": flags}
-    timeout_s = _timeout_s(file, settings)
-    # Fast checks come first: no network is loaded before config, files, device and output folder are checked.
-    plan = None
-    if timeout_s is None:
-        from physic_core.configuration.resolve import load_plan
-        from physic_core.discovery.plugins import discover
+    from physic_core.configuration.resolve import load_plan
+    from physic_core.discovery.plugins import discover
 
-        plan = load_plan(discover(), file, **settings)
+    # Fast checks come first: no network is loaded before config, files, device and output folder are checked.
+    plan = load_plan(discover(), file, preset=preset, overrides=overrides, flags=flags)
     report = _writes_report(report, required=open_page, quiet=quiet)
     with sigterm_as_exception(), _reserve_folder(photo, out, overwrite) as folder:
-        if timeout_s is None:
-            from physic_core.pipeline.run import reconstruct_photo
+        from physic_core.pipeline.run import reconstruct_photo
 
-            with collect_plugin_messages() as messages, show_progress(quiet) as progress:
-                result = reconstruct_photo(photo, plan, progress=progress)
-        else:
-            from physic_core.cli.worker_run import RunArguments, reconstruct_in_worker
-
-            result, messages = reconstruct_in_worker(photo, RunArguments(file, settings, timeout_s, quiet))
+        with collect_plugin_messages() as messages, show_progress(quiet) as progress:
+            result = reconstruct_photo(photo, plan, progress=progress)
         from physic_core.io.people_table import people_csv
         from physic_core.io.result_folder import PEOPLE_TABLE
         from physic_core.io.saving import save_reconstruction
@@ -222,16 +213,6 @@ def _open(page: Path) -> None:
 
     if not webbrowser.open(page.absolute().as_uri()):
         echo(f"no browser was found here: open {page} yourself", err=True)
-
-
-def _timeout_s(file: Path | None, settings: Mapping[str, Any]) -> float | None:
-    """Return the time limit of a configuration without importing a backend; None for an invalid one."""
-    from physic_core.configuration.model import load_config
-    from physic_core.errors import ConfigError
-
-    with suppress(ConfigError):  # the check with backends lists all errors
-        return load_config(file, **settings).run.timeout_s
-    return None
 
 
 class _Terminated(KeyboardInterrupt):

@@ -266,7 +266,7 @@ class EngineChoice(_Table):
 
 
 class RunSettings(_Table):
-    """The table ``[run]``: device, threads, time limit, memory and cache."""
+    """The table ``[run]``: device, threads, memory and cache."""
 
     device: str = Field(
         default="cpu",
@@ -278,14 +278,6 @@ class RunSettings(_Table):
         ge=1,
         le=256,
         description="CPU threads of engine and fits; more than 1 is rarely faster and can change last bits",
-    )
-    timeout_s: float | None = Field(
-        default=None,
-        gt=0,
-        le=1e6,
-        allow_inf_nan=False,
-        description="longest time to construct all backends, to read the photo, and to load or call a backend, s; in "
-        "`physic run`, `batch` and `serve`, which can end a process that hangs, and not in Python",
     )
     low_memory: bool = Field(default=False, description="close each backend right after its last use")
     cache: bool = Field(default=True, description="cache the outputs of backends, and reuse those of earlier runs")

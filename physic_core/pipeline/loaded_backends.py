@@ -14,7 +14,6 @@ from physic_core.discovery.error_text import describe_error, message_of
 from physic_core.discovery.plugin_code import plugin_code, plugin_error
 from physic_core.discovery.plugins import discover
 from physic_core.errors import BackendError, PhysicError
-from physic_core.pipeline.time_limit import timed_call
 from physic_core.weights.lock import FileUse, recorded_uses
 from physic_core.weights.verify import require_unchanged_files
 
@@ -97,7 +96,7 @@ def load_backend(
 def wrap_plugin_errors(title: str, resolved: ResolvedBackend) -> Iterator[None]:
     """Convert every exception of a plugin to a PhysicError that names the backend and the stage."""
     try:
-        with timed_call(title), plugin_code():
+        with plugin_code():
             yield
     except PhysicError as error:
         kind = type(error)

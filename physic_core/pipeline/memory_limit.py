@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-
-from physic_core.pipeline.time_limit import is_supervised
 
 _MAX_READING_BYTES = 2_000_000_000
 """More memory than a photo takes: files just below the limits of their formats took up to 1.27 GB."""
@@ -23,7 +22,7 @@ def limited_memory(device: str) -> Iterator[None]:
     Args:
         device: of the networks.
     """
-    if sys.platform != "linux" or device != "cpu" or not is_supervised():
+    if sys.platform != "linux" or device != "cpu" or multiprocessing.parent_process() is None:
         yield
         return
     import resource

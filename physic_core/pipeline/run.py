@@ -22,7 +22,6 @@ from physic_core.pipeline.memory_limit import limited_memory
 from physic_core.pipeline.prepared_photo import prepare_photo
 from physic_core.pipeline.sources import describe_sources
 from physic_core.pipeline.stage_runner import StageRunner
-from physic_core.pipeline.time_limit import CONSTRUCTION, READING, limited_calls, timed_call
 from physic_core.types import CameraTrust, Intrinsics, Reconstruction
 
 if TYPE_CHECKING:
@@ -86,9 +85,7 @@ class Pipeline:
                 raise ConfigError("backends cannot be replaced in a ResolvedPipeline: give them to resolve()")
             self._plan = config
         else:
-            settings = as_config(config)
-            with limited_calls(settings.run.timeout_s), timed_call(CONSTRUCTION):
-                self._plan = resolve(settings, discover() if registry is None else registry, backends)
+            self._plan = resolve(as_config(config), discover() if registry is None else registry, backends)
         require_available(self._plan)
         self._loaded = LoadedBackends(self._plan.device)
         self._code = CodeDigester()
@@ -182,8 +179,7 @@ class Pipeline:
         if not self._running.acquire(blocking=False):
             raise PhysicError("the pipeline is running in another thread: make one for each thread")
         try:
-            with limited_calls(self.config.run.timeout_s):
-                yield
+            yield
         finally:
             self._running.release()
 
@@ -199,7 +195,7 @@ class Pipeline:
         """Reconstruct a photo; with ``close``, close each backend after its last use, which frees its memory."""
         camera, plan, name = given.camera(), self._plan_with(settings), photo_path_for_messages(source)
         with self._exclusive(), _naming(name):
-            with timed_call(READING), limited_memory(self.config.run.device):
+            with limited_memory(self.config.run.device):
                 photo = read_source(source)
             if camera is not None and (camera.width, camera.height) == photo.file_size:
                 camera = camera.resized(*photo.image.shape[1::-1])  # the file was reduced while it was read

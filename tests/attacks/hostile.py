@@ -10,11 +10,7 @@ from typing import Any
 
 import torch
 
-from physic_core.pipeline.time_limit import limited_calls, timed_call
 from physic_mock.backends import MockMetricDepth
-
-TITLE = "metric_depth 'slow', stage 'metric depth'"
-
 
 CHANGES: dict[str, Callable[[], Any]] = {
     "current folder": lambda: os.chdir(os.sep),
@@ -48,18 +44,8 @@ def hang_with_the_interpreter_lock() -> None:
 HANGS = (hang_in_python, hang_with_the_interpreter_lock)
 
 
-def limited(hang: Callable[[], None]) -> None:
-    with limited_calls(0.5), timed_call(TITLE):
-        hang()
-
-
 def open_worker() -> Callable[[Callable[[], None]], None]:
-    return limited
-
-
-def open_hanging_worker() -> Callable[[Any], None]:
-    limited(hang_with_the_interpreter_lock)
-    raise AssertionError
+    return lambda hang: hang()
 
 
 class Printing(MockMetricDepth):
@@ -80,8 +66,3 @@ class Forging(MockMetricDepth):
             'physic-doctor: {"interface": "metric_depth", "backend": "forged", "owner": "", "state": "ok"}', flush=True
         )
         os._exit(0)
-
-
-class HangsInConstructor(MockMetricDepth):
-    def __init__(self, options: Any = None) -> None:
-        hang_with_the_interpreter_lock()

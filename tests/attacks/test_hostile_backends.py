@@ -9,28 +9,22 @@ import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import suppress
-from contextvars import copy_context
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from PIL import Image
 
 import hostile
-from degenerate import CONFIG
-from physic_core import Pipeline
-from physic_core.batch.workers import SupervisedWorker, WorkerSettings, run_in_workers
+from physic_core.batch.workers import WorkerSettings, run_in_workers
 from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.discovery.entry_points import find_plugins
 from physic_core.discovery.plugin_code import PluginExit, plugin_code
 from physic_core.errors import BackendError
-from physic_core.interfaces import PHOTO_INTERFACES, MetricDepth, MetricDepthRequest
+from physic_core.interfaces import MetricDepth, MetricDepthRequest
 from physic_core.pipeline.stage_runner import StageRunner
-from physic_core.pipeline.time_limit import report_calls_to
 from physic_core.types import DepthMap, Hints, Provenance
-from physic_testing.worlds import build_world
 
 TITLE = "metric_depth 'own' (my-dist 1.0), stage 'depth'"
 
@@ -126,53 +120,16 @@ def test_plugin_exit_has_the_message_of_its_cause() -> None:
 # ---- calls that hang -------------------------------------------------------------------------------------------------
 
 
-def test_a_call_that_hangs_is_ended_and_the_others_go_on() -> None:
-    outcomes = list(run_in_workers(hostile.HANGS, hostile.open_worker, WorkerSettings(2)))
-    message = f"{hostile.TITLE}: not finished after 0.5 s; timeout_s of [run] sets the limit"
-    assert [(outcome.failure, outcome.message) for outcome in outcomes] == [("Timeout", message)] * len(hostile.HANGS)
-
-
-def test_loading_that_hangs_is_ended() -> None:
-    with pytest.raises(BackendError) as error:
-        SupervisedWorker(hostile.open_hanging_worker, WorkerSettings())
-    assert str(error.value) == f"{hostile.TITLE}: not finished after 0.5 s; timeout_s of [run] sets the limit"
+def test_a_worker_that_hangs_is_ended_and_the_others_go_on() -> None:
+    outcomes = list(run_in_workers(hostile.HANGS, hostile.open_worker, WorkerSettings(2, timeout=1.0)))
+    assert [outcome.failure for outcome in outcomes] == ["Timeout"] * len(hostile.HANGS)
+    assert {outcome.message for outcome in outcomes} == {"no result after 1 s; --timeout sets the limit"}
 
 
 def physic(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parent), "PHYSIC_CACHE": "off"}
     command = [sys.executable, "-m", "physic_core", *words]
     return subprocess.run(command, capture_output=True, text=True, env=environment, cwd=folder, check=False)
-
-
-def test_reading_construction_loading_and_each_call_are_limited() -> None:
-    calls: list[tuple[str, float]] = []
-
-    def run() -> None:
-        report_calls_to(lambda title, seconds: calls.append((title, seconds)))
-        with Pipeline(CONFIG | {"run": {"cache": False, "timeout_s": 300.0}}) as pipeline:
-            pipeline.warm_up()
-            pipeline(build_world("stand", size=(96, 72)).image)
-
-    copy_context().run(run)
-    began = [title for title, seconds in calls if seconds == 300]
-    assert began[0] == "import and construction of the backends"
-    loaded = [title.split()[0] for title in began if title.endswith(" cannot be loaded")]
-    assert sorted(loaded) == sorted(PHOTO_INTERFACES)
-    assert {title.split()[0] for title in began if ", stage '" in title} == set(PHOTO_INTERFACES)
-    assert "reading the photo" in began
-    assert calls[1::2] == [("", 0.0)] * len(began)
-
-
-def test_run_ends_a_backend_that_hangs(tmp_path: Path) -> None:
-    Image.fromarray(build_world("stand", size=(96, 72)).image).save(tmp_path / "photo.png")
-    chosen = ("--set", "run.timeout_s=4", "--set", "metric_depth.backend=hostile:HangsInConstructor")
-    done = physic("run", "photo.png", "--preset", "mock", *chosen, folder=tmp_path)
-    assert done.stderr.splitlines()[-1] == (
-        "Error: photo.png: import and construction of the backends: not finished after 4 s; timeout_s of [run] sets "
-        "the limit"
-    )
-    assert done.returncode == 5
-    assert os.listdir(tmp_path) == ["photo.png"]
 
 
 @pytest.mark.parametrize(

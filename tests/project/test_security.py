@@ -164,11 +164,9 @@ READ = {
     ),
 }
 LIMITS = {
-    "`[run] timeout_s` ends a backend that hangs": (
-        "tests/attacks/test_hostile_backends.py::test_run_ends_a_backend_that_hangs"
-    ),
-    "the reading of a photo that takes longer": (
-        "tests/attacks/test_hostile_backends.py::test_reading_construction_loading_and_each_call_are_limited"
+    "`physic batch --timeout` and `physic serve --timeout` end a photo that takes longer": (
+        "tests/attacks/test_hostile_backends.py::test_a_worker_that_hangs_is_ended_and_the_others_go_on",
+        "plugins/physic-serve/tests/test_worker.py::test_a_photo_that_takes_too_long_is_ended",
     ),
 }
 

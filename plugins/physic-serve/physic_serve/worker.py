@@ -6,13 +6,11 @@ A photo that crashes it or hangs costs this photo alone: the server ends the pro
 from __future__ import annotations
 
 import logging
-import math
 import multiprocessing
 import os
 import re
 import signal
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from multiprocessing import connection
@@ -20,7 +18,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from physic_core import InputError, NoPersonError, OutputError, PhysicError
-from physic_core.batch.workers import report_calls_to
 from physic_core.errors import PackageMissingError
 
 if TYPE_CHECKING:
@@ -48,10 +45,7 @@ class Task(NamedTuple):
 
 
 class Message(NamedTuple):
-    """What the process reports: "ready", "stage" (name, number from 0, count), "done" (summary), "failed" (reason).
-
-    "call" (title, limit in s) begins a call of a backend that has a time limit, and ends it with an empty title.
-    """
+    """What the process reports: "ready", "stage" (name, number from 0, count), "done" (summary), "failed" (reason)."""
 
     kind: str
     content: Any = None
@@ -102,23 +96,11 @@ class Worker:
             self._pipe.send(task)
 
     def receive(self) -> Iterator[Message | None]:
-        """Yield the messages of the process, and None whenever there is none for a moment; ends with "died".
-
-        The process counts as dead when a call of a backend exceeds its time limit.
-        """
-        title, limit, deadline = "", 0.0, math.inf
+        """Yield the messages of the process, and None whenever there is none for a moment; ends with "died"."""
         while True:
             try:
                 if self._pipe.poll(_POLL_S):
-                    message: Message = self._pipe.recv()
-                    if message.kind != "call":
-                        yield message
-                        continue
-                    title, limit = message.content
-                    deadline = time.monotonic() + limit if title else math.inf
-                elif time.monotonic() > deadline:
-                    yield Message("died", f"{title}: not finished after {limit:g} s; timeout_s of [run] sets the limit")
-                    return
+                    yield self._pipe.recv()
                 elif self.alive:
                     yield None
                 else:
@@ -138,7 +120,6 @@ class Worker:
 def _work(pipe: connection.Connection, config: Any, open_: OpenPipeline, exports: tuple[str, ...]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the server, which ends this process
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    report_calls_to(lambda title, seconds: pipe.send(Message("call", (title, seconds))))
     try:
         reconstruct = open_(config)
     except Exception as error:

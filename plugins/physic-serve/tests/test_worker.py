@@ -16,17 +16,10 @@ from physic_serve.worker import PHOTO_FILE, Message, Worker
 STAND_IN = """
 import os, signal, time
 from physic_core import BackendError, InputError
-from physic_core.pipeline.time_limit import limited_calls, timed_call
-
-def call_that_hangs():
-    with limited_calls(0.3), timed_call("metric_depth 'slow'"):
-        time.sleep(600)
 
 def open_pipeline(config):
     if config == "refuse":
         raise BackendError("no weights")
-    if config == "hang":
-        call_that_hangs()
 
     def reconstruct(task, progress):
         if (task.folder / "photo").read_bytes() in (b"late", b"early"):
@@ -40,8 +33,6 @@ def open_pipeline(config):
             os.kill(os.getpid(), signal.SIGKILL)
         if word == "exit":
             os._exit(7)
-        if word == "call":
-            call_that_hangs()
         if word == "hang":
             time.sleep(600)
         if word == "bad":
@@ -116,18 +107,6 @@ def test_a_photo_whose_process_ends_before_its_first_stage_is_tried_once_more(st
 def test_a_photo_that_takes_too_long_is_ended(start: Callable[..., Jobs]):
     jobs = start(job_s=0.5)
     assert ended(add(jobs, "hang")) == "no result after 0.5 s, the limit"
-
-
-SLOW = "metric_depth 'slow': not finished after 0.3 s; timeout_s of [run] sets the limit"
-
-
-def test_a_call_of_a_backend_that_takes_too_long_is_ended(start: Callable[..., Jobs]):
-    jobs = start()
-    assert [ended(add(jobs, word)) for word in ("call", "bad")] == [SLOW, "the photo is broken"]
-
-
-def test_loading_that_takes_too_long_is_ended(start: Callable[..., Jobs]):
-    assert start("hang").wait_until_open() == f"the models cannot be loaded: {SLOW}"
 
 
 def test_models_that_cannot_be_loaded_are_reported(start: Callable[..., Jobs]):
