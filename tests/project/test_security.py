@@ -123,7 +123,7 @@ WRITTEN = {
         "plugins/physic-export/tests/test_request.py::test_a_file_is_replaced_only_where_that_is_wanted",
         "plugins/physic-export/tests/test_request.py::test_the_photo_and_links_are_never_replaced",
     ),
-    "Tables, plots, pages and logs": (
+    "Tables, pages and logs": (
         "tests/batch/test_files_of_the_user.py::test_a_file_of_the_user_ends_the_batch_before_its_first_photo",
         "tests/batch/test_files_of_the_user.py::test_the_table_of_photos_is_never_replaced_by_the_table_of_results",
         "tests/files/test_own.py::test_everything_else_is_of_the_user",

@@ -87,7 +87,7 @@ def bench() -> None:
 @click.option("--cache", type=click.Path(path_type=Path), help="Keeps evidence.  [default: user's cache folder]")
 @click.option("--no-cache", is_flag=True, help="Keep no evidence between runs.")
 def accuracy(**options: Any) -> None:
-    """Print the ablation table on synthetic worlds with ground truth; write the tables, all values and a plot to --out.
+    """Print the ablation table on synthetic worlds with ground truth; write the tables and all values to --out.
 
     Ctrl-C ends the run and writes the results of the completed worlds; the same command continues the run.
     """
@@ -250,7 +250,6 @@ def _configs(options: _AccuracyOptions, trial: list[str], others: list[str]) -> 
 
 def _run(cases: tuple[WorldCase, ...], work: BenchmarkJob, jobs: int, out: Path, settings: dict[str, Any]) -> None:
     """Run the benchmark, write the results and print the tables."""
-    from physic_bench.worlds.plot import draw_plot, draw_reliability
     from physic_bench.worlds.results import summarise_records, write_results
     from physic_bench.worlds.run_worlds import run_cases
     from physic_bench.worlds.tables import as_text
@@ -269,12 +268,6 @@ def _run(cases: tuple[WorldCase, ...], work: BenchmarkJob, jobs: int, out: Path,
     paths = [*write_results(results, out)]
     if records:
         echo("\n\n\n".join(map(as_text, results.tables)) + "\n")
-        try:
-            paths.append(draw_plot(results, out / "ablation.png"))
-            diagram = draw_reliability(results, out / "reliability.png")
-            paths += [] if diagram is None else [diagram]
-        except PhysicError as error:  # the results are already written
-            echo(f"note: {error}", err=True)
     echo(f"{len(records)} of {len(cases)} worlds; results: {', '.join(map(str, paths))}")
     if isinstance(stopped, PhysicError):
         raise stopped

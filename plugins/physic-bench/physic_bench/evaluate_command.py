@@ -12,7 +12,7 @@ import click
 from physic_bench.datasets import DATA_SETS, data_set
 from physic_bench.wording import counted
 from physic_core.cli.output import echo
-from physic_core.errors import InputError, PackageMissingError, PhysicError
+from physic_core.errors import InputError, PhysicError
 
 if TYPE_CHECKING:
     from physic_bench.bodies import BodyFiles
@@ -112,11 +112,6 @@ _COMMON = (
         multiple=True,
         help="Frame of reference of a method's files, instead of the reader's.",
     ),
-    click.Option(
-        ["--from-release"],
-        type=click.Path(path_type=Path, exists=True, file_okay=False),
-        help="Folder of physic-eval-release: score its start and end, and this engine run from its start.",
-    ),
     click.Option(["--preset"], metavar="NAME", help="Reconstruct the pictures with this preset, and score that."),
     click.Option(
         ["--set", "overrides"],
@@ -183,7 +178,6 @@ class _Given:
     out: Path
     results: tuple[str, ...]
     results_frame: tuple[str, ...]
-    from_release: Path | None
     preset: str | None
     overrides: tuple[str, ...]
     device: str
@@ -211,8 +205,7 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
     from physic_bench.bodies import BodyFiles
     from physic_bench.carry import Carrier
     from physic_bench.datasets.base import FrameSet
-    from physic_bench.output import PLOTS, check_output, write_evaluation
-    from physic_bench.plots import draw_plots
+    from physic_bench.output import check_output, write_evaluation
     from physic_bench.run import evaluate_methods, require_any_truth
     from physic_bench.scoring import ScoringRules
     from physic_core.files.atomic import check_writable
@@ -222,7 +215,6 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
     check_writable(given.out)
     check_output(given.out)
     methods = _methods(given, bodies)
-    errors: list[UnexpectedError] = []
     how = _reconstruction(given)
     if _reconstructs(given):
         how.check()
@@ -236,8 +228,6 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
     echo(counted(len(found.frames), "frame"), err=True)
     for note in found.notes:
         echo(note, err=True)
-    if given.from_release is not None:
-        methods += _release_methods(chosen.name, found.frames, given, bodies, errors)
     require_any_truth(found.frames, given.root)
     if _reconstructs(given):
         methods.insert(0, _own_method(found.frames, how, given.out, bodies))
@@ -252,21 +242,15 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
         "contact_cm": contact_cm,
         "header": header,
     }
-    tables, files = write_evaluation(evaluation, given.out, settings, contact_cm)
+    files = write_evaluation(evaluation, given.out, settings, contact_cm)
     files += chosen.write_more(evaluation, given.out, rules.carrier)
     echo((given.out / "table.txt").read_text(encoding="utf-8").removesuffix(f"{MARK}\n"))
     for file in files:
         if file.parent == given.out:
             echo(f"wrote {file}")
-    try:
-        if plot := draw_plots(evaluation.records, tables, given.out / PLOTS):
-            echo(f"wrote {plot}")
-    except PackageMissingError as error:
-        echo(f"note: {error}", err=True)
-    errors += evaluation.errors
-    if errors:
-        echo("".join(error.traceback for error in errors), nl=False, err=True)
-        raise PhysicError(_words_of(errors))
+    if evaluation.errors:
+        echo("".join(error.traceback for error in evaluation.errors), nl=False, err=True)
+        raise PhysicError(_words_of(evaluation.errors))
 
 
 def _words_of(errors: Sequence[UnexpectedError]) -> str:
@@ -299,48 +283,7 @@ def _header(chosen: DataSet, options: Any, given: _Given, frames: int, total: in
 
 def _reconstructs(given: _Given) -> bool:
     """Whether the pictures are reconstructed."""
-    return given.preset is not None or not (given.results or given.from_release)
-
-
-def _release_methods(
-    name: str, frames: tuple[Frame, ...], given: _Given, bodies: BodyFiles, errors: list[UnexpectedError]
-) -> list[Method]:
-    """Return start and end of the published results, and this engine run from their start.
-
-    Errors of this program are appended to ``errors``; they cost their frame.
-    """
-    from physic_bench.evaluation import Method, UnexpectedError
-    from physic_bench.readers import open_reader
-    from physic_bench.readers.physic_release import release_file
-    from physic_bench.release_engine import optimise_release
-    from physic_core.files.atomic import atomic_write, check_writable
-
-    assert given.from_release is not None
-    import numpy as np
-
-    folder, failures = check_writable(given.out / "engine"), {}
-    for i, frame in enumerate(frames, 1):
-        target = folder / f"{frame.id.replace('/', '__')}.npz"
-        file = release_file(given.from_release, frame)
-        if file is None or target.exists():
-            continue
-        try:
-            arrays = optimise_release(file, bodies)
-        except PhysicError as error:
-            failures[frame.id] = str(error)
-            continue
-        except Exception as error:
-            errors.append(UnexpectedError.of(error, f"{frame.id} (engine from init)"))
-            failures[frame.id] = errors[-1].reason
-            continue
-        with atomic_write(folder) as temporary, temporary(target.name).open("wb") as stream:
-            np.savez(stream, **arrays)
-        echo(f"[{i}/{len(frames)}] engine on {frame.id}", err=True)
-    ours = Method("engine from init", open_reader("plain", folder, bodies), failures=failures)
-    init = Method("release init", open_reader("physic-release-init", given.from_release, bodies))
-    if name == "physic-release":
-        return [init, ours]
-    return [init, Method("release final", open_reader("physic-release", given.from_release, bodies)), ours]
+    return given.preset is not None or not given.results
 
 
 def _reconstruction(given: _Given) -> Reconstruction:

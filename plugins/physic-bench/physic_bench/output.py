@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from physic_bench.evaluation import Evaluation
 
 _TABLES = ("table.txt", "table.md", "table.tex", "results.json")
-PLOTS = "plots.png"
 
 NAMED = 5
 """Frames without a result that the notes name."""
@@ -33,7 +32,7 @@ def check_output(out: Path) -> None:
     from physic_core.batch.journal import check_journal
     from physic_core.files.own import check_own
 
-    check_own(*(out / name for name in (*_TABLES, PLOTS)))
+    check_own(*(out / name for name in _TABLES))
     check_own(*out.glob("results-*.zip"), *out.glob("worst/*/[0-9][0-9]-*.jpg"))
     check_journal(out / SCORES / "journal.jsonl")
 
@@ -47,11 +46,8 @@ def contact_rules(evaluation: Evaluation, contact_cm: tuple[float, ...]) -> list
 
 def write_evaluation(
     evaluation: Evaluation, out: Path, settings: Mapping[str, Any], contact_cm: tuple[float, ...]
-) -> tuple[Tables, list[Path]]:
-    """Write table.txt, table.md, table.tex, results.json and the previews of the worst frames.
-
-    Returns:
-        The figures, and the files.
+) -> list[Path]:
+    """Write table.txt, table.md, table.tex, results.json and the previews of the worst frames, and return their paths.
 
     Raises:
         OutputError: the folder cannot be written, or has files of the user with these names.
@@ -73,11 +69,10 @@ def write_evaluation(
         "results.json": _document(evaluation, tables, {"note": MARK, **settings}, notes),
     }
     check_writable(out)
-    (out / PLOTS).unlink(missing_ok=True)  # of older figures; the new one may be omitted
     with atomic_write(out) as temporary:
         for name, text in texts.items():
             temporary(name).write_text(text, encoding="utf-8")
-    return tables, [*(out / name for name in texts), *write_previews(evaluation, out / "worst")]
+    return [*(out / name for name in texts), *write_previews(evaluation, out / "worst")]
 
 
 def _comment(text: str) -> str:

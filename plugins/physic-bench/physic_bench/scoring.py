@@ -44,9 +44,6 @@ BODY_NAMES = tuple(JOINT_NAMES[:22])
 MIN_IOU = 0.25
 """Overlap of the boxes of a prediction and an annotated person, from which it can be theirs."""
 
-CURVE_CM = (1.0, 2.0, 3.0, 4.0, 5.0, 7.0, 10.0)
-"""Thresholds of the plot of precision and recall."""
-
 FLOATING_REACH_M = 1.0
 HIDDEN_SAMPLES = 500
 HIDDEN_BEHIND_M = 0.05
@@ -227,7 +224,7 @@ def true_contacts(frame: Frame, truth: Truth, person: TruePerson, rules: Scoring
     if truth.scene is None or person.vertices is None or frame.camera is None:
         return {}
     distance = _true_distance(frame, truth.scene, person)
-    wanted = sorted({*rules.contact_cm, *CURVE_CM})
+    wanted = sorted(set(rules.contact_cm))
     return {f"{cm:g} cm": (contact_by_rule(distance, cm / 100), person.topology) for cm in wanted}
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -72,20 +71,6 @@ def test_a_name_of_a_photo_does_not_control_the_terminal(root: Path):
     assert all(c.isprintable() or c in "\n\t" for c in done.output), ascii(done.output)
 
 
-def test_without_matplotlib_the_tables_are_printed(root: Path, monkeypatch: pytest.MonkeyPatch):
-    arguments = ("calibrated", str(root), "-o", str(root.parent / "out"), "--results", results(root, "one"))
-    assert "plots.png" in run(*arguments).stdout
-    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    done = run(*arguments)
-    assert done.exit_code == 0, done.output
-    assert "MPJPE" in done.stdout
-    assert done.stderr.splitlines()[-1] == (
-        "note: plots.png is not written, since matplotlib.figure is not installed: "
-        "`pip install -e 'plugins/physic-bench[plot]'` in a checkout of PhySIC"
-    )
-    assert not (root.parent / "out" / "plots.png").exists()
-
-
 def test_missing_frames_are_counted_and_named(root: Path):
     text = call(root, results(root, "one"), results(root, "two", (0, 1), 0.05))
     assert "two: 1 of 3 frames without a result: p2 (no result)\n" in text
@@ -140,7 +125,6 @@ def test_a_damaged_result_costs_its_frame(root: Path, change: Callable[[dict[str
         "table.md",
         "table.tex",
         "results.json",
-        "plots.png",
         "results-theirs.zip",
         "worst/theirs/01-p0.jpg",
         "scores/journal.jsonl",

@@ -1,4 +1,4 @@
-"""Results of ``physic bench accuracy``: JSON document, tables and plot."""
+"""Results of ``physic bench accuracy``: JSON document and tables."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def summarise_records(
 
 def check_results(folder: Path) -> None:
     """Raise OutputError if a benchmark would replace a file of the user."""
-    check_own(*(folder / name for name in (*_NAMES, "ablation.png", "reliability.png")))
+    check_own(*(folder / name for name in _NAMES))
 
 
 def write_results(results: Results, folder: Path) -> tuple[Path, ...]:

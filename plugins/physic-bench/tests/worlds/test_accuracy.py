@@ -227,7 +227,7 @@ def test_invalid_options_are_reported_before_anything_runs(arguments, message, t
     assert "Traceback" not in finished.output
 
 
-@pytest.mark.parametrize("name", ["results.json", "table.txt", "ablation.png"])
+@pytest.mark.parametrize("name", ["results.json", "table.txt"])
 def test_a_file_of_the_user_is_not_replaced(name, tmp_path):
     (tmp_path / name).write_text("mine")
     finished = bench("accuracy", "-o", str(tmp_path))
