@@ -5,7 +5,7 @@
 
 RESULT is the folder of a result; without it, ``examples/couple.jpg`` is reconstructed. The ``physic`` command of
 ``.venv`` writes the files. What draws them did not write them and imports nothing of PhySIC: Blender (``bpy``) with
-Cycles on the processor and the VRM add-on (``bpy-vrm-format``), MuJoCo, and matplotlib with ``pycocotools``. MuJoCo
+Cycles on the processor, MuJoCo, and matplotlib with ``pycocotools``. MuJoCo
 needs EGL or OSMesa (``MUJOCO_GL``).
 """
 
@@ -145,21 +145,6 @@ def draw_bvh(files: list[Path]) -> None:
     render("bvh")
 
 
-def draw_vrm(files: list[Path]) -> None:
-    """Show an avatar as it rests, and one that the animation poses, side by side."""
-    bpy.ops.preferences.addon_enable(module="io_scene_vrm")
-    avatar, animation = (next(file for file in files if file.suffix == suffix) for suffix in (".vrm", ".vrma"))
-    for place in (-0.75, 0.75):
-        bpy.ops.import_scene.vrm(filepath=str(avatar))
-        armature = next(thing for thing in bpy.data.objects if thing.type == "ARMATURE" and not thing.location.x)
-        if place > 0:
-            bpy.context.view_layer.objects.active = armature
-            bpy.ops.import_scene.vrma(filepath=str(animation), armature_object_name=armature.name)
-        armature.location.x = place
-    bpy.ops.mesh.primitive_plane_add(size=8)
-    render("vrm", (0.6, -4.7, 1.6), (0.0, 0, 0.85))
-
-
 def draw_mjcf(files: list[Path]) -> None:
     """Show the shapes that collide, in the pose of the file."""
     spec = mujoco.MjSpec.from_file(str(files[0]))
@@ -221,7 +206,6 @@ DRAWN = {
     "ply": draw_ply,
     "obj": draw_obj,
     "usd": draw_usd,
-    "vrm": draw_vrm,
     "mjcf": draw_mjcf,
     "coco": draw_coco,
 }

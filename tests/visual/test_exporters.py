@@ -134,7 +134,7 @@ def test_without_plugins_the_core_writes_glb(monkeypatch: pytest.MonkeyPatch, sa
     monkeypatch.setenv("PHYSIC_PLUGINS", "")
     *rows, rest = physic("export", "--list").output.splitlines()
     assert [row.split()[0] for row in rows] == ["format", "glb"]
-    assert "amass, bvh, coco, mjcf, obj, ply, urdf, usd, vrm: in physic-export, which is not installed" in rest
+    assert "amass, bvh, coco, mjcf, obj, ply, urdf, usd: in physic-export, which is not installed" in rest
     assert physic("export", saved_pair, "-o", tmp_path / "a.glb").exit_code == 0
     assert (tmp_path / "a.glb").read_bytes() == (saved_pair / "combined.glb").read_bytes()
 

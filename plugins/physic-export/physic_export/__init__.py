@@ -1,6 +1,4 @@
-"""Formats of ``physic export`` for other programs: AMASS, BVH, COCO, GLB, MJCF, OBJ, PLY, URDF,
-USD and VRM.
-"""
+"""Formats of ``physic export`` for other programs: AMASS, BVH, COCO, GLB, MJCF, OBJ, PLY, URDF and USD."""
 
 from __future__ import annotations
 
@@ -117,17 +115,6 @@ def physic_exporters() -> list[ExporterRecord]:
             packages=("pxr",),
             extra="usd",
             options=_NAMES | _SKIN | {"texture_size": _TEXTURES["texture_size"]},
-        ),
-        ExporterRecord(
-            "vrm",
-            (".vrm",),
-            "physic_export.vrm:export_vrm",
-            "VRM avatars: Unity with UniVRM, three-vrm, Blender's VRM add-on",
-            "textured body in a T-pose, and the pose (.vrma), one of each per person",
-            stem="avatar",
-            bodies="required",
-            per_person=True,
-            options=_SKIN | {"texture_size": _TEXTURES["texture_size"]},
         ),
     ]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from physic_core.body.joints import JOINT_NAMES
 
-BONE_NAMES = ("smplx", "mixamo", "unreal", "unity", "vrm")
+BONE_NAMES = ("smplx", "mixamo", "unreal", "unity")
 """SMPL-X; Mixamo's rig without the prefix "mixamorig:"; Unreal Engine's mannequin with three spine bones; the
-HumanBodyBones of Unity's humanoid avatar; the humanoid bones of VRM 1.0."""
+HumanBodyBones of Unity's humanoid avatar."""
 
 _MIXAMO = {
     "pelvis": "Hips",
@@ -59,7 +59,6 @@ _UNITY = {
     "eye": "Eye",
 }
 _SEGMENTS = {"1": "Proximal", "2": "Intermediate", "3": "Distal"}
-_VRM_THUMB = {"1": "Metacarpal", "2": "Proximal", "3": "Distal"}
 
 
 def bone_names(style: str) -> tuple[str, ...]:
@@ -72,11 +71,6 @@ def _name(joint: str, style: str) -> str:
     finger, number = limb[:-1], limb[-1:]
     if style == "smplx":
         return joint
-    if style == "vrm":
-        if finger == "thumb":
-            return f"{side}Thumb{_VRM_THUMB[number]}"
-        name = _name(joint, "unity")
-        return name[0].lower() + name[1:]
     if style == "unreal":
         if not limb:
             return _UNREAL.get(joint, joint)
