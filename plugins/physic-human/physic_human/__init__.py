@@ -1,4 +1,4 @@
-"""Backends of bodies, hands, contact and depth that run published code or TorchScript files on the user's disk."""
+"""Backends of bodies, hands, contact and point maps that run published code or TorchScript files on the user's disk."""
 
 from __future__ import annotations
 
@@ -55,16 +55,6 @@ def physic_backends() -> list[BackendRecord]:
             weights=("wilor-mini",),
         ),
         BackendRecord(
-            "hand_estimator",
-            "hamer",
-            "physic_human.hamer:Hamer",
-            api=1,
-            summary="HaMeR from its checkout",
-            weights_license="MIT (HaMeR), MPI: non-commercial (MANO)",
-            needs=("a checkout", "weights"),
-            weights=("hamer",),
-        ),
-        BackendRecord(
             "contact_prior",
             "deco",
             "physic_human.deco:Deco",
@@ -73,25 +63,6 @@ def physic_backends() -> list[BackendRecord]:
             weights_license="MPI: non-commercial (DECO)",
             needs=("a checkout", "weights", "a SMPL file"),
             weights=("deco",),
-        ),
-        BackendRecord(
-            "contact_prior",
-            "interactvlm-results",
-            "physic_human.interactvlm:InteractVlmResults",
-            api=1,
-            summary="Contact that InteractVLM wrote into files earlier",
-            weights_license="MPI: non-commercial (InteractVLM)",
-            needs=("its result files",),
-        ),
-        BackendRecord(
-            "metric_depth",
-            "unidepth-v2",
-            "physic_human.unidepth:UniDepth",
-            api=1,
-            summary="UniDepth V2 from its checkout: depth in metres and the camera",
-            weights_license="CC-BY-NC-4.0 (UniDepth V2)",
-            needs=("a checkout", "weights"),
-            weights=("unidepth-v2-vitl14",),
         ),
         BackendRecord(
             "relative_pointmap",

@@ -163,12 +163,10 @@ class CheckoutBackend(Backend):
         """Unload the network and the modules of the checkout."""
         self._checkout_network.close()
 
-    def _load_checkpoint(
-        self, network: torch.nn.Module, path: Path, key: str = "state_dict", optional_prefix: str | None = None
-    ) -> torch.nn.Module:
+    def _load_checkpoint(self, network: torch.nn.Module, path: Path, key: str = "state_dict") -> torch.nn.Module:
         """Load a checkpoint, whose tensors may be under a key, into a network, and return the network."""
         state = read_checkpoint(path, trusted=self.options.trust_checkpoint)
-        load_parameters(network, state.get(key, state), path, optional_prefix=optional_prefix)
+        _load_parameters(network, state.get(key, state), path)
         return network
 
 
@@ -204,32 +202,23 @@ def checkpoint_error(path: Path, error: Exception, *, trusted: bool) -> BackendE
     )
 
 
-def load_parameters(
-    network: torch.nn.Module, state: Mapping[str, Any], path: Path, prefix: str = "", optional_prefix: str | None = None
-) -> None:
+def _load_parameters(network: torch.nn.Module, state: Mapping[str, Any], path: Path) -> None:
     """Load a checkpoint's tensors into a network; unknown tensors are ignored.
 
     Args:
         network: gets them.
         state: tensors by name.
         path: where they are from, for messages.
-        prefix: with which their names begin, and the network's do not.
-        optional_prefix: with this begin names of parameters that the checkpoint need not have.
 
     Raises:
         BackendError: a parameter of the network is not in the checkpoint, or has another shape.
     """
-    own = {key.removeprefix(prefix): value for key, value in state.items() if key.startswith(prefix)}
     try:
-        result = network.load_state_dict(own, strict=False)
+        result = network.load_state_dict(dict(state), strict=False)
     except RuntimeError as error:
         raise BackendError(f"{path} does not fit the network of the checkout: {error}") from error
     parameters = {name for name, _ in network.named_parameters()}
-    absent = [
-        key
-        for key in result.missing_keys
-        if key in parameters and not (optional_prefix and key.startswith(optional_prefix))
-    ]
+    absent = [key for key in result.missing_keys if key in parameters]
     if absent:
         raise BackendError(
             f"{path} is missing {len(absent)} of {len(parameters)} parameters of the network, "

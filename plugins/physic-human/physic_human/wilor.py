@@ -11,26 +11,42 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
+from physic_core.adapters.crops import antialias_sigma, crop_around_box, resample_crop
 from physic_core.errors import BackendError
-from physic_core.interfaces import Options
-from physic_human.checkout_backend import CheckoutProject, inference_context, to_numpy
+from physic_core.interfaces import HandEstimator, Options, Share
+from physic_human.checkout_backend import (
+    CheckoutBackend,
+    CheckoutOptions,
+    CheckoutProject,
+    batch_slices,
+    inference_context,
+    to_numpy,
+)
 from physic_human.chumpy_free import chumpy_free_copy
-from physic_human.mano_hands import SIDE, ManoHandEstimator, ManoOptions
+from physic_human.hand_boxes import hand_boxes
+from physic_human.mano import empty_hands, hands_from_mano
 
 if TYPE_CHECKING:
-    from physic_core.types import FloatArray, UInt8Array
+    from physic_core.types import FloatArray, Hands, Keypoints, People, UInt8Array
 
 _FILES = ("wilor_final.ckpt", "MANO_RIGHT.pkl", "mano_mean_params.npz")
 _FOCAL = 5000
+_SIDE = 256  # of the network's square input, px
 
 
-class WilorOptions(ManoOptions):
+class WilorOptions(CheckoutOptions):
     """Settings of WiLoR."""
 
     weights: str = Field(
         default="wilor-mini",
         description="a name of `physic weights list`, or a folder with wilor_final.ckpt, MANO_RIGHT.pkl and "
         "mano_mean_params.npz",
+    )
+    least_confidence: Share = Field(
+        default=0.5, description="of a hand's keypoints; 0.7 in the code of the PhySIC paper"
+    )
+    least_size_px: float = Field(
+        default=24.0, ge=0, le=100_000, description="longer side of a hand; fingers below are a guess"
     )
     margin: float = Field(
         default=2.5, ge=1, le=4, description="side of the crop in sizes of the hand; 2.5 in WiLoR-mini, 2.0 in WiLoR"
@@ -41,7 +57,7 @@ class WilorOptions(ManoOptions):
     )
 
 
-class Wilor(ManoHandEstimator):
+class Wilor(CheckoutBackend, HandEstimator):
     """Hand estimator: MANO rotations by WiLoR of every hand with keypoints. Left hands are mirrored."""
 
     Options: ClassVar[type[Options]] = WilorOptions
@@ -59,12 +75,36 @@ class Wilor(ManoHandEstimator):
         checkpoint, mano, mean = (self._checkout_network.file(name) for name in _FILES)
         kind = self._checkout_network.checkout.attribute("WiLor")
         with chumpy_free_copy(mano, "mano") as plain, inference_context(self._checkout_network.checkout, device):
-            network = kind(mano_model_path=str(plain), mano_mean_path=str(mean), focal_length=_FOCAL, image_size=SIDE)
+            network = kind(mano_model_path=str(plain), mano_mean_path=str(mean), focal_length=_FOCAL, image_size=_SIDE)
             self._checkout_network.set_network(self._load_checkpoint(network, checkpoint), device)
 
-    def _preprocess(self, crop: UInt8Array) -> FloatArray:
-        """Convert a crop to (256, 256, 3) grey levels in BGR, which the network reorders itself."""
-        return np.asarray(crop if self.options.swap_channels else crop[..., ::-1], np.float32)
+    def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
+        """Return the finger rotations of N people; confidence is that of the keypoints.
+
+        Raises:
+            BackendError: it is not loaded, or the network answers something else.
+        """
+        network, options = self._checkout_network.loaded(), self.options
+        found = hand_boxes(keypoints, least_confidence=options.least_confidence, least_size_px=options.least_size_px)
+        if not len(found):
+            return empty_hands(len(people))
+        fingers, wrists = [], []
+        for rows in batch_slices(len(found), options.batch):
+            shown = zip(found.boxes[rows], found.right[rows], strict=True)
+            answer = self._run(
+                network, np.stack([self._hand_input(image, box, mirrored=not right) for box, right in shown])
+            )
+            fingers.append(answer[0])
+            wrists.append(answer[1])
+        return hands_from_mano(
+            len(people), found.person, found.right, np.concatenate(fingers), found.confidence, np.concatenate(wrists)
+        )
+
+    def _hand_input(self, image: UInt8Array, box: FloatArray, *, mirrored: bool) -> FloatArray:
+        """Crop a hand to (256, 256, 3) grey levels in BGR, which the network reorders itself."""
+        crop = crop_around_box(box, _SIDE, _SIDE, padding=self.options.margin, grid="halves", mirrored=mirrored)
+        shown = resample_crop(image, crop, sigma=antialias_sigma(crop))
+        return np.asarray(shown if self.options.swap_channels else shown[..., ::-1], np.float32)
 
     def _run(self, network: object, crops: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Run the network: fingers (M, 15, 3) and wrists (M, 1, 3) of right hands."""

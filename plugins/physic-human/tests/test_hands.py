@@ -1,4 +1,4 @@
-"""WiLoR and HaMeR: what their networks are shown, how answers are read, and the whole kit with perfect networks."""
+"""WiLoR: what its network is shown, how answers are read, and the whole kit with a perfect network."""
 
 from __future__ import annotations
 
@@ -6,24 +6,21 @@ import importlib
 import pickle
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import torch
-from scipy.spatial.transform import Rotation
 
 from physic_core.adapters.rotations import mirror_rotvecs
 from physic_core.errors import BackendError, BodyModelError, WeightsMissingError
 from physic_core.types import Keypoints, People
-from physic_human.hamer import Hamer, HamerOptions
 from physic_human.wilor import Wilor, WilorOptions
 from physic_testing.body_files import mano_arrays, write_published
 from physic_testing.conformance import parametrize_with_checks
 from physic_testing.conformance.hand_estimator import true_hands
 from physic_testing.worlds import World
 
-from .seen import CropsOnWorlds, Place, coordinates, nearest, network_of, normalised_back, pixels, place_of, wrist_turns
+from .seen import CropsOnWorlds, Place, coordinates, nearest, network_of, pixels, place_of, wrist_turns
 
 WRISTS = (20, 21)
 
@@ -73,56 +70,6 @@ class WiLor(torch.nn.Module):
 """
 
 WILOR_FILES = {"wilor_mini/__init__.py": "", "wilor_mini/models/mano.py": MANO, "wilor_mini/models/wilor.py": WILOR}
-
-HAMER = """
-import torch
-from ..configs import NOTE
-from .mano import MANOLayer
-
-class HAMER(torch.nn.Module):
-    def __init__(self, cfg, init_renderer=True):
-        super().__init__()
-        assert not init_renderer, "a renderer needs OpenGL"
-        self.cfg = cfg
-        self.gain = torch.nn.Parameter(torch.zeros(1))
-        if cfg.MODEL.BACKBONE.get("PRETRAINED_WEIGHTS", None):
-            torch.load(cfg.MODEL.BACKBONE.PRETRAINED_WEIGHTS, map_location="cpu")
-        if cfg.LOSS_WEIGHTS.ADVERSARIAL > 0:
-            self.discriminator = torch.nn.Linear(2, 3)
-        self.mano = MANOLayer(**{key.lower(): value for key, value in dict(cfg.MANO).items()})
-        self.seen = []
-
-    def forward(self, batch):
-        x = batch["img"]
-        self.seen.append(x.numpy().copy())
-        eye = torch.eye(3).expand(len(x), 15, 3, 3).clone()
-        return {"pred_cam": torch.ones(len(x), 3),
-                "pred_mano_params": {"hand_pose": eye, "global_orient": eye[:, :1], "betas": torch.zeros(len(x), 10)}}
-"""
-
-CONFIGS = """
-NOTE = "a module of its own"
-
-class Node(dict):
-    __getattr__ = dict.__getitem__
-    def __setattr__(self, key, value):
-        assert not self.get("frozen")
-        self[key] = value
-    def defrost(self): pass
-    def freeze(self): pass
-
-def get_config(config_file, merge=True, update_cachedir=False):
-    open(config_file).close()
-    # What the published model_config.yaml says.
-    return Node(
-        MANO=Node(DATA_DIR="_DATA/data/", MODEL_PATH="./_DATA/data/mano", MEAN_PARAMS="./_DATA/mean", GENDER="neutral"),
-        MODEL=Node(
-            IMAGE_SIZE=256,
-            BACKBONE=Node(TYPE="vit", PRETRAINED_WEIGHTS="hamer_training_data/vitpose_backbone.pth"),
-        ),
-        LOSS_WEIGHTS=Node(ADVERSARIAL=0.0005),
-    )
-"""
 
 
 def keypoints(boxes: dict[str, list[float]]) -> tuple[People, Keypoints]:
@@ -189,15 +136,11 @@ def test_left_hands_are_shown_in_a_mirror_and_read_in_it(wilor: Wilor) -> None:
     np.testing.assert_allclose(hands.wrists[0], [[0.2, -0.2, -0.2], [0.2, 0.2, 0.2]], atol=1e-6)
 
 
-@pytest.mark.parametrize("network", ["wilor", "hamer"])
-def test_large_hands_are_smoothed_before_they_are_made_small(network: str, request: pytest.FixtureRequest) -> None:
-    backend = request.getfixturevalue(network)
-    backend.options = backend.options.model_copy(update={"margin": 2.5 if network == "wilor" else 1.875})
+def test_large_hands_are_smoothed_before_they_are_made_small(wilor: Wilor) -> None:
     stripes = np.zeros((1300, 1300, 3), np.uint8)
     stripes[:, ::2] = 255
-    backend.infer(stripes, *keypoints({"right": [350, 350, 950, 950]}))
-    seen = network_of(backend).seen[0][0]
-    seen = (seen if network == "wilor" else normalised_back(seen))[60:200, 60:200]
+    wilor.infer(stripes, *keypoints({"right": [350, 350, 950, 950]}))
+    seen = network_of(wilor).seen[0][0][60:200, 60:200]
     # 1500 px become 256: a blur of 0.96 px beforehand leaves next to nothing of stripes of one pixel.
     assert seen.std() < 6
     assert abs(seen.mean() - 127.5) < 2
@@ -239,60 +182,11 @@ def test_a_checkpoint_with_objects_is_read_only_if_trusted(stub: Callable[..., P
     Wilor(WilorOptions(checkout=str(checkout), weights=str(files), trust_checkpoint=True)).load()
 
 
-@pytest.fixture
-def make_hamer(stub: Callable[..., Path], tmp_path: Path) -> Callable[[dict[str, torch.Tensor]], Hamer]:
-    checkout = stub(
-        "hamer",
-        {
-            "hamer/__init__.py": "",
-            "hamer/configs/__init__.py": CONFIGS,
-            "hamer/models/__init__.py": "from .hamer import HAMER",
-            "hamer/models/mano.py": MANO,
-            "hamer/models/hamer.py": HAMER,
-        },
-    )
-    files = tmp_path / "_DATA"
-    for name in ("hamer_ckpts/checkpoints/hamer.ckpt", "hamer_ckpts/model_config.yaml", "data/mano/MANO_RIGHT.pkl",
-                 "data/mano_mean_params.npz"):  # fmt: skip
-        (files / name).parent.mkdir(parents=True, exist_ok=True)
-        (files / name).write_bytes(b"")
-    write_published(files / "data/mano/MANO_RIGHT.pkl", mano_arrays())
-
-    def make(state: dict[str, torch.Tensor]) -> Hamer:
-        torch.save({"state_dict": state}, files / "hamer_ckpts/checkpoints/hamer.ckpt")
-        backend = Hamer(HamerOptions(checkout=str(checkout), weights=str(files)))
-        backend.load()
-        return backend
-
-    return make
-
-
-@pytest.fixture
-def hamer(make_hamer: Callable[[dict[str, torch.Tensor]], Hamer]) -> Hamer:
-    return make_hamer({"gain": torch.ones(1)})
-
-
-def test_the_published_config_of_hamer_loads_without_the_files_of_its_training(hamer: Hamer) -> None:
-    settings = network_of(hamer).cfg
-    assert settings.MODEL.BACKBONE == {"TYPE": "vit"}
-    assert settings.MODEL.BBOX_SHAPE == [192, 256]
-
-
-def test_hamer_loads_without_discriminator_and_needs_all_other_weights(
-    make_hamer: Callable[[dict[str, torch.Tensor]], Hamer],
-) -> None:
-    discriminator = {"discriminator.weight": torch.zeros(3, 2), "discriminator.bias": torch.zeros(3)}
-    assert make_hamer({"gain": torch.ones(1), **discriminator})._checkout_network.network.gain == 1
-    with pytest.raises(BackendError, match=r"is missing 1 of 3 parameters of the network, gain, \.\.\."):
-        make_hamer(discriminator)
-
-
-@pytest.mark.parametrize("network", ["wilor", "hamer"])
-def test_mano_that_names_chumpy_is_read_without_it(network: str, request: pytest.FixtureRequest) -> None:
-    """Both read it by ``pickle.load``, as smplx does, and chumpy is not installed."""
+def test_mano_that_names_chumpy_is_read_without_it(wilor: Wilor) -> None:
+    """Its code reads it by ``pickle.load``, as smplx does, and chumpy is not installed."""
     with pytest.raises(ModuleNotFoundError):
         importlib.import_module("chumpy")
-    layer = request.getfixturevalue(network)._checkout_network.network.mano
+    layer = wilor._checkout_network.network.mano
     np.testing.assert_array_equal(layer.shapedirs, mano_arrays()["shapedirs"].astype(np.float32))
     np.testing.assert_array_equal(layer.J_regressor, mano_arrays()["J_regressor"])
 
@@ -303,28 +197,6 @@ def test_mano_that_would_run_code_is_refused(stub: Callable[..., Path], tmp_path
     backend = Wilor(WilorOptions(checkout=str(stub("w", WILOR_FILES)), weights=str(files)))
     with pytest.raises(BodyModelError, match=r"is a pickle that asks for .builtins\.print."):
         backend.load()
-
-
-def test_hamer_sees_red_first_and_normalised(hamer: Hamer) -> None:
-    image = np.zeros((200, 300, 3), np.uint8)
-    image[:] = [200, 100, 10]
-    hamer.infer(image, *keypoints({"right": [100, 80, 140, 120]}))
-    np.testing.assert_allclose(normalised_back(network_of(hamer).seen[0][0])[128, 128], [200, 100, 10], atol=0.6)
-
-
-def test_hamer_widens_boxes_to_its_crop(hamer: Hamer) -> None:
-    hamer.infer(coordinates(200, 300), *keypoints({"left": [120, 90, 180, 110]}))
-    place = place_of(normalised_back(network_of(hamer).seen[0][0]), 200, 300)
-    assert place.mirrored
-    np.testing.assert_allclose(place.at(0.5), [149.5, 99.5], atol=0.8)
-    # 60 px wide and looked at through a window of 192 x 256: 80 px high, and twice that.
-    np.testing.assert_allclose(np.abs(place.step) * 256, 160, rtol=0.02)
-
-
-def test_hamers_own_paths_are_those_of_its_files(hamer: Hamer) -> None:
-    settings = network_of(hamer).cfg
-    assert Path(settings.MANO.MODEL_PATH).name == "MANO_RIGHT.pkl"
-    assert Path(settings.MANO.MEAN_PARAMS).is_file()
 
 
 class PerfectHands:
@@ -353,28 +225,10 @@ class PerfectWilor(PerfectHands):
         return {"hand_pose": torch.from_numpy(fingers), "global_orient": torch.from_numpy(wrists[:, None])}
 
 
-class PerfectHamer(PerfectHands):
-    def __call__(self, batch: dict[str, torch.Tensor]) -> dict[str, Any]:
-        found = [self.hand(place_of(normalised_back(crop), *self.size)) for crop in batch["img"].numpy()]
-        fingers, wrists = (np.stack(part) for part in zip(*found, strict=True))
-        matrices = Rotation.from_rotvec(fingers.reshape(-1, 3)).as_matrix().reshape(-1, 15, 3, 3)
-        whole = Rotation.from_rotvec(wrists).as_matrix()[:, None]
-        return {"pred_mano_params": {"hand_pose": torch.from_numpy(matrices), "global_orient": torch.from_numpy(whole)}}
-
-
 class WilorOnWorlds(CropsOnWorlds, Wilor):
     perfect_network = PerfectWilor
 
 
-class HamerOnWorlds(CropsOnWorlds, Hamer):
-    perfect_network = PerfectHamer
-
-
 @parametrize_with_checks("hand_estimator", WilorOnWorlds, options={"least_size_px": 8})
 def test_wilor_conforms(check: Callable[[], None]) -> None:
-    check()
-
-
-@parametrize_with_checks("hand_estimator", HamerOnWorlds, options={"least_size_px": 8})
-def test_hamer_conforms(check: Callable[[], None]) -> None:
     check()

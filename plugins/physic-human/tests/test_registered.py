@@ -49,7 +49,7 @@ def test_modules_of_backends_are_light() -> None:
 
 def test_weights_with_an_account_or_non_commercial_terms_are_marked() -> None:
     sets = read_manifest(physic_human.physic_weights())
-    for name in ("camerahmr", "wilor-mini", "hamer", "deco"):
+    for name in ("camerahmr", "wilor-mini", "deco"):
         assert sets[name].account == (name != "deco"), name  # DECO's own script fetches it without one
         assert sets[name].commercial is False, name
     for one in sets.values():
