@@ -83,10 +83,10 @@ def _readiness(
     """Return the readiness of a backend with a valid and unique record."""
     record = offer.record
     module = split_folder(record.target)[1].partition(":")[0] if isinstance(record.target, str) else None
-    if module is not None and not _is_installed(module.partition(".")[0]):
+    if module is not None and not is_installed(module.partition(".")[0]):
         return Readiness("broken", f"there is no module '{module}' for its target {record.target}")
     faults = []
-    if uninstalled := [package for package in record.packages if not _is_installed(package)]:
+    if uninstalled := [package for package in record.packages if not is_installed(package)]:
         faults.append(f"not installed: {', '.join(uninstalled)}")
     further = [need for need in record.needs if need.lower() not in _GPU]
     if len(further) < len(record.needs) and not (gpu or has_gpu)():
@@ -101,7 +101,7 @@ def _readiness(
     doubts = [f"needs {', '.join(further)}"] if further else []
     if sets is None and record.weights and missing_sets is not None:
         doubts.append(f"no manifest of its plugin lists all of the weights {', '.join(record.weights)}")
-    if module is not None and not _is_installed(module):
+    if module is not None and not is_installed(module):
         doubts.append(f"no file of the module '{module}' is found")
     if doubts:
         return Readiness("unsure", f"{'; '.join(doubts)}; `physic plugins doctor {record.name}` checks it")
@@ -134,7 +134,7 @@ def has_gpu() -> bool:
     return shutil.which("nvidia-smi") is not None or any(Path(path).exists() for path in _DRIVER_PATHS)
 
 
-def _is_installed(module: str) -> bool:
+def is_installed(module: str) -> bool:
     """Return whether the file of a module can be found; nothing is imported."""
     top, *below = module.split(".")
     try:

@@ -21,6 +21,7 @@ from physic_testing.conformance.cases import EVIDENCE, EVIDENCE_OF_HANDS, SIZE, 
 from physic_testing.conformance.contract import contract_violations
 from physic_testing.conformance.expect import CheckSkipped
 from physic_testing.conformance.field_comparison import changed_fields
+from physic_testing.conformance.manners import Watch
 from physic_testing.conformance.network_and_memory import no_network
 from physic_testing.conformance.requests import infer_arguments
 
@@ -36,12 +37,17 @@ CAPABILITIES: dict[str, str] = {
     "needs_cuda": "requires a GPU: on other devices all calls are skipped",
     "returns_intrinsics": "always returns the camera intrinsics",
     "ignores_image": "output depends on no pixel, such as that of a placeholder: checks of bias are skipped",
-    "exact": "output is the truth in synthetic photos, as of a perfect network: errors are limited",
+    "exact": "output is the truth in synthetic photos, as of a perfect network: errors have close limits",
 }
 """Valid entries of a backend class's ``capabilities`` attribute -> effect on the checks."""
 
 FIRST_PHOTO = "odd size"
 """Name of the photo on which every backend is called first, so that no earlier call can affect its result."""
+
+PHOTOS_OF_ONE_SIZE = {"hand_estimator": ("close", "sitting, large")}
+"""Two different photos of one size, in the order in which a backend is called on them; for other interfaces below."""
+
+TWO_PHOTOS = ("one person", "leaning")
 
 OptionsFor = Mapping[str, Any] | Callable[["World"], Mapping[str, Any]]
 """Options of a backend, or a function that returns the options for a world.
@@ -84,9 +90,11 @@ class BackendUnderTest:
         options: see :data:`OptionsFor`; by default the result of the class's ``conformance_options(world)``, or the
             default options if the class has no such method.
         capabilities: entries of CAPABILITIES; by default those of the class and of its record.
+        exact_limits: name of an error -> its limit for the capability "exact", in place of the common one.
         claim: registration of the backend; None for a class that was passed directly.
         device: device on which the backend is loaded.
         size: width and height of the standard photos, px.
+        registry: registry of the claim, which knows the manifests of its weights.
 
     Raises:
         BackendError: a capability is not in CAPABILITIES.
@@ -101,13 +109,17 @@ class BackendUnderTest:
         *,
         options: OptionsFor | None = None,
         capabilities: Collection[str] | None = None,
+        exact_limits: Mapping[str, float] | None = None,
         claim: BackendOffer | None = None,
         device: str = "cpu",
         size: tuple[int, int] = SIZE,
+        registry: Registry | None = None,
     ) -> None:
         self.kind, self.interface, self.name = kind, interface, name
-        self.claim, self.device, self.size = claim, device, size
+        self.claim, self.device, self.size, self.registry = claim, device, size, registry
+        self.watch = Watch()
         self.capabilities = _capabilities(kind, claim) if capabilities is None else frozenset(capabilities)
+        self.exact_limits = dict(exact_limits or {})
         unknown = self.capabilities - CAPABILITIES.keys()
         if unknown:
             raise BackendError(
@@ -174,7 +186,9 @@ class BackendUnderTest:
         for image in INTERFACES[self.interface].Request(*given).images:
             require_image(image)
         request = INTERFACES[self.interface].Request(*given)
-        return cast("Any", backend).infer(*request.limited_to(backend.reads))
+        with self.watch.call() as results:
+            results.append(cast("Any", backend).infer(*request.limited_to(backend.reads)))
+        return results[0]
 
     def run_case(self, name: str) -> CaseRun:
         """Run the backend on a photo, or return the stored result. FIRST_PHOTO is always run first.
@@ -284,7 +298,9 @@ def find_backend(
         interface = _single_interface(backend, registry)
     _require_interface(interface)
     claim = registry.get(interface, backend)
-    return BackendUnderTest(registry.load_class(claim), interface, split_folder(backend)[1], claim=claim, **settings)
+    return BackendUnderTest(
+        registry.load_class(claim), interface, split_folder(backend)[1], claim=claim, registry=registry, **settings
+    )
 
 
 def _single_interface(name: str, registry: Registry) -> str:

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 THREE_ERRORS = 0.99865
 """Probability below three standard errors; few units need more of them for it (Student's t distribution)."""
 
+SURE_MARGINS, SURE_SHARE = 5.0, 0.1
+"""A mean of this many margins counts from this share of its limit on: networks err that evenly only by a mistake."""
+
 MIN_UNITS = 3
 """Units without which nothing is known of a bias."""
 
@@ -51,7 +54,7 @@ def mean_and_margin(values: FloatArray) -> tuple[float, float]:
 def expect_no_bias(
     values: FloatArray, limit: float, expected: str, unit: str = "", hint: str = "", *, further: float = 0.0
 ) -> None:
-    """Raise CheckFailed if the mean of the values (K,) is beyond +-limit by more than its margin.
+    """Raise CheckFailed if the mean of the values (K,) is beyond +-limit by more than its margin, or surely not zero.
 
     Args:
         values: error of each unit; NaN where there is none.
@@ -66,8 +69,9 @@ def expect_no_bias(
     """
     mean, margin = mean_and_margin(values)
     margin = max(margin, further)
+    is_sure = abs(mean) > SURE_SHARE * limit and abs(mean) > SURE_MARGINS * margin
     expect(
-        abs(mean) - margin <= limit,
+        abs(mean) - margin <= limit and not is_sure,
         expected,
         f"{mean:+.3g}{unit} in the mean, with three standard errors of {margin:.2g}{unit}",
         hint,

@@ -9,9 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body.joints import JOINT_NAMES
-from physic_testing.conformance.bias import expect_follows, expect_no_better, expect_no_bias, expect_order
+from physic_testing.conformance.bias import (
+    expect_follows,
+    expect_no_better,
+    expect_no_bias,
+    expect_order,
+    mean_and_margin,
+)
 from physic_testing.conformance.check import BLIND, Check
-from physic_testing.conformance.expect import expect
+from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.output_checks import HINT_CHECKS, PEOPLE_CHECKS
 from physic_testing.conformance.row_order import check_rows_follow_the_people
 from physic_testing.conformance.truth import (
@@ -211,6 +217,24 @@ def check_joints_are_in_order(subject: BackendUnderTest) -> None:
     )
 
 
+def check_observed_is_true_in_sight(subject: BackendUnderTest) -> None:
+    """`observed`, if given, is more often True for joints in sight than for hidden ones."""
+    more = []
+    for case, bodies in subject.evidence():
+        if bodies.observed is None:
+            raise CheckSkipped("it returns no `observed`")
+        for own, seen in zip(bodies.observed[:, :_BODY], case.truth.joints_visible[:, :_BODY], strict=True):
+            if 0 < seen.sum() < len(seen):
+                more.append(own[seen].mean() - own[~seen].mean())
+    mean, margin = mean_and_margin(np.array(more))
+    expect(
+        mean + margin > 0 and bool(np.any(more)),
+        "True for joints in sight, and False for hidden ones",
+        f"{mean:+.0%} more True values in sight, with three standard errors of {margin:.0%}",
+        "Is it inverted, or True for all joints? Return None if the network does not tell.",
+    )
+
+
 def check_pose_follows_the_photo(subject: BackendUnderTest) -> None:
     """The pose is that of the photo: not the same T-pose in all photos."""
     people = [p for photo in _people(subject) for p in photo]
@@ -292,6 +316,7 @@ CHECKS: tuple[Check, ...] = (
     Check(check_joints_are_in_order, _PARAMETERS, after=_UPRIGHT, unless=BLIND),
     Check(check_pose_follows_the_photo, _PARAMETERS, after=_ORDERED, unless=BLIND),
     Check(check_bodies_face_the_right_way, _PARAMETERS, after=_ORDERED, unless=BLIND),
+    Check(check_observed_is_true_in_sight, _READ, unless=BLIND),
     Check(check_rows_follow_the_people, _READ),
 )
 """Checks of a BodyEstimator, in order of execution."""

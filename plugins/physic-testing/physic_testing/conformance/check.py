@@ -23,6 +23,7 @@ class Check:
         after: names of checks that must not have failed, because this check would fail for the same reason.
         unless: capabilities of a backend for which the check is skipped.
         only_with: capabilities that a backend must have for the check to run.
+        warns: whether a failure is only a warning: the contract does not forbid it, and a run undoes most of it.
     """
 
     function: Callable[[BackendUnderTest], None]
@@ -30,6 +31,7 @@ class Check:
     after: tuple[str, ...] = ()
     unless: frozenset[str] = frozenset()
     only_with: frozenset[str] = frozenset()
+    warns: bool = False
 
     @property
     def name(self) -> str:

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Intrinsics
     from physic_testing.conformance.cases import Case
 
-MAX_SHIFT_PX, MAX_CENTRE_PX, MAX_ASPECT = 0.5, 0.3, 2.0
-"""Mean shift of edges, mean error of the principal point, and mean error of fx / fy in %, that are taken for none."""
+MAX_SHIFT_PX, MAX_CENTRE_PX, MAX_ASPECT, MAX_FOCAL = 0.5, 0.3, 2.0, 30.0
+"""Mean shift of edges, and mean errors of principal point, fx / fy and focal length in %, that are taken for none."""
 
 MIN_COVERAGE = 0.3
 """Minimum share of pixels with known depth."""
@@ -179,7 +179,7 @@ def expect_camera_of_photo(camera: Intrinsics | None, truth: Intrinsics) -> None
 
 
 def expect_camera_without_bias(cameras: Sequence[tuple[Intrinsics | None, Intrinsics]]) -> None:
-    """Raise CheckFailed if returned cameras have a common error of the principal point or of the aspect ratio."""
+    """Raise CheckFailed if returned cameras have a common error of principal point, aspect ratio or focal length."""
     known = [(camera, truth) for camera, truth in cameras if camera is not None]
     if not known:
         raise CheckSkipped("it returns no intrinsics")
@@ -197,6 +197,13 @@ def expect_camera_without_bias(cameras: Sequence[tuple[Intrinsics | None, Intrin
         "fx over fy of the photo",
         " %",
         "Was the photo resized to another aspect ratio?",
+    )
+    expect_no_bias(
+        np.array([50 * np.log(camera.fx / truth.fx * camera.fy / truth.fy) for camera, truth in known]),
+        MAX_FOCAL,
+        "the focal length of the photo",
+        " %",
+        "Is it in px of the network's input, or of another camera than that of the depth?",
     )
 
 

@@ -8,12 +8,12 @@ import numpy as np
 
 from physic_core.errors import BodyModelError
 from physic_core.types import SKELETONS, Skeleton
-from physic_testing.conformance.bias import expect_no_bias, expect_order, mean_and_margin
+from physic_testing.conformance.bias import expect_no_better, expect_no_bias, expect_order, mean_and_margin
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.output_checks import PEOPLE_CHECKS
 from physic_testing.conformance.row_order import check_rows_follow_the_people
-from physic_testing.conformance.truth import comparable_keypoints
+from physic_testing.conformance.truth import comparable_keypoints, mirrored_order
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Keypoints
@@ -28,6 +28,9 @@ MAX_SHIFT_PX, MAX_SCALE = 0.3, 0.006
 
 MAX_CONFIDENCE = 0.01
 """Mean confidence by which hidden joints may be surer."""
+
+MUCH_CLEARER = 0.6
+"""As of ``expect_no_better``: another order leaves a quarter of the wrong pairs."""
 
 MIN_JOINTS = 5
 """Joints in sight without which a person has no line of errors over places."""
@@ -133,6 +136,13 @@ def check_confidence_is_higher_in_sight(subject: BackendUnderTest) -> None:
     from physic_testing.conformance.true_keypoints import world_keypoints
 
     more = []
+    every = np.concatenate([answer.confidence.ravel() for _, answer in subject.evidence()])
+    expect(
+        float(every.std()) > 1e-6,
+        "confidences that tell joints in sight from hidden ones",
+        f"{every[0]:.2f} for all joints in all photos",
+        "Return the height of the heat map's maximum, or what the network says of it.",
+    )
     for case, answer in subject.evidence():
         known = keypoints_on_body(answer)
         seen = world_keypoints(case.truth, known.joint_set)[1]
@@ -146,6 +156,45 @@ def check_confidence_is_higher_in_sight(subject: BackendUnderTest) -> None:
         f"{mean:+.2f} in the mean",
         "1 is sure.",
     )
+    _expect_confidence_of_own_joints(subject)
+
+
+def _expect_confidence_of_own_joints(subject: BackendUnderTest) -> None:
+    """Raise CheckFailed if confidences tell hidden joints better when they are those of other joints or people."""
+    from physic_core.body.landmarks import keypoints_on_body
+    from physic_testing.conformance.true_keypoints import world_keypoints
+
+    own: list[float] = []
+    others: dict[str, list[float]] = {}
+    for case, answer in subject.evidence():
+        known = keypoints_on_body(answer)
+        seen, sides = world_keypoints(case.truth, known.joint_set)[1], mirrored_order(known.joint_set.names)
+        readings = {
+            "of the joint before": np.roll(known.confidence, 1, axis=1),
+            "of the next joint": np.roll(known.confidence, -1, axis=1),
+            "of the other side": known.confidence[:, sides],
+            "of people in reverse order": known.confidence[::-1],
+        }
+        own += _ranking_errors(known.confidence, seen)
+        for words, read in readings.items():
+            others.setdefault(words, []).extend(_ranking_errors(read, seen))
+    expect_no_better(
+        np.array(own),
+        {words: np.array(errors) for words, errors in others.items()},
+        0.01,
+        "the confidence of each joint of each person, share of pairs of joints in wrong order",
+        dict.fromkeys(others, "Points and confidences need the same order of joints and people."),
+        clearly=MUCH_CLEARER,
+    )
+
+
+def _ranking_errors(confidence: FloatArray, seen: BoolArray) -> list[float]:
+    """Return for each person the share of pairs whose hidden joint is surer; NaN without hidden joints."""
+    found = []
+    for values, shown in zip(confidence, seen, strict=True):
+        gaps = values[shown][:, None] - values[~shown]
+        found.append(float((gaps < 0).mean() + 0.5 * (gaps == 0).mean()) if gaps.size else float("nan"))
+    return found
 
 
 def check_world_points_are_metres(subject: BackendUnderTest) -> None:

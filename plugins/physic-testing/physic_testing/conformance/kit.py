@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Collection, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -17,8 +18,10 @@ from physic_testing.conformance import (
     inpainter,
     keypoint_detector,
     lifecycle,
+    manners,
     metric_depth,
     output_checks,
+    record,
     registration,
     relative_pointmap,
     segmenter,
@@ -26,7 +29,7 @@ from physic_testing.conformance import (
 from physic_testing.conformance.accuracy import check_is_exact
 from physic_testing.conformance.backend_under_test import BackendUnderTest, find_backend
 from physic_testing.conformance.cases import SIZE
-from physic_testing.conformance.check import Check
+from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.run import CheckRun, require_check_names
 
 if TYPE_CHECKING:
@@ -47,18 +50,21 @@ _INTERFACE_CHECKS: dict[str, tuple[Check, ...]] = {
 }
 """Checks against the ground truth of a world, by interface; other interfaces have only the general checks."""
 
-_EXACT = Check(check_is_exact, "physic_testing.conformance.CAPABILITIES", only_with=frozenset({"exact"}))
+_EXACT = Check(check_is_exact, "physic_testing.conformance.CAPABILITIES", unless=BLIND)
 
 
 def checks_for(interface: str) -> tuple[Check, ...]:
     """Return all checks of an interface, in order of execution."""
     return (
         registration.CHECKS
+        + record.CHECKS
         + lifecycle.CHECKS_BEFORE_INFER
         + before_load.CHECKS
         + output_checks.CHECKS
         + accuracy_checks(interface)
         + lifecycle.CHECKS_AFTER_INFER
+        + record.CHECKS_AFTER_INFER
+        + manners.CHECKS
     )
 
 
@@ -73,6 +79,7 @@ def check_backend(
     *,
     options: OptionsFor | None = None,
     capabilities: Collection[str] | None = None,
+    exact_limits: Mapping[str, float] | None = None,
     expected_failures: Mapping[str, str] | None = None,
     registry: Registry | None = None,
     device: str = "cpu",
@@ -86,6 +93,8 @@ def check_backend(
         options: options of the backend, or a function that returns the options for a world.
         capabilities: entries of :data:`physic_testing.conformance.CAPABILITIES`, which select checks; by default the
             class attribute ``capabilities``.
+        exact_limits: name of an error -> its limit in place of that of the capability "exact", such as
+            {"IoU": 0.98}: what the backend's own resampling needs.
         expected_failures: name of a check -> why it is expected to fail; if it passes, it counts as a failure.
         registry: registry in which names are looked up; by default all installed backends.
         device: device on which the backend is loaded.
@@ -95,7 +104,13 @@ def check_backend(
         BackendError: the backend does not exist.
         PhysicError: an expected failure or a capability does not exist.
     """
-    settings = {"options": options, "capabilities": capabilities, "device": device, "size": size}
+    settings = {
+        "options": options,
+        "capabilities": capabilities,
+        "exact_limits": exact_limits,
+        "device": device,
+        "size": size,
+    }
     return start_checks(find_backend(backend, interface, registry, **settings), expected_failures).report()
 
 
@@ -170,6 +185,8 @@ class BoundCheck:
             pytest.fail(result.message, pytrace=False)
         if result.outcome == "skipped":
             pytest.skip(result.reason)
+        if result.outcome == "warned":
+            warnings.warn(result.message, stacklevel=2)
 
 
 class _SharedRun:

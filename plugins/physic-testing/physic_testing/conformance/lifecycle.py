@@ -14,6 +14,7 @@ from physic_testing.conformance.attributes import attribute_values, replaced_att
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.field_comparison import describe_difference
+from physic_testing.conformance.manners import held_megabytes
 from physic_testing.conformance.network_and_memory import no_network, resident_megabytes
 
 if TYPE_CHECKING:
@@ -179,6 +180,7 @@ def check_works_again_after_close(subject: BackendUnderTest) -> None:
     try:
         backend.load(subject.device)
         backend.close()
+        subject.watch.kept_mb = held_megabytes(backend)
         backend.load(subject.device)
         again = subject.infer(backend, case)
     except Exception as error:

@@ -102,7 +102,7 @@ def check_intrinsics_fit_the_photo(subject: BackendUnderTest) -> None:
 
 
 def check_intrinsics_are_not_biased(subject: BackendUnderTest) -> None:
-    """Returned intrinsics have no common error of the principal point, such as half a pixel, or of the aspect ratio."""
+    """Returned intrinsics have no common error of the principal point, such as half a pixel, aspect or focal length."""
     expect_camera_without_bias([(answer.intrinsics, case.intrinsics) for case, answer in subject.evidence()])
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from physic_core.discovery.error_text import describe_error
 from physic_core.errors import ConfigError, PhysicError
-from physic_testing.conformance.backend_under_test import FIRST_PHOTO
+from physic_testing.conformance.backend_under_test import FIRST_PHOTO, PHOTOS_OF_ONE_SIZE, TWO_PHOTOS
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.field_comparison import describe_difference
@@ -95,19 +96,50 @@ def check_accepts_array_views(subject: BackendUnderTest) -> None:
 
 def check_is_deterministic(subject: BackendUnderTest) -> None:
     """Two instances with the same options return the same output for the same photo."""
-    first, case = subject.result(FIRST_PHOTO), subject.case(FIRST_PHOTO)
-    backend = subject.construct(case)
-    try:
-        backend.load(subject.device)
-        changes = describe_difference(first, subject.infer(backend, case))
-    finally:
-        _close(backend)
+    changes = _change_by_a_new_instance(subject)
+    if changes and not describe_difference(_of_new_instance(subject), _of_new_instance.__wrapped__(subject)):
+        return  # new instances agree: 'does_not_repeat_itself' says what is wrong
     expect(
         not changes,
         "the same output from a second backend with the same options",
         changes,
         "Seed every random generator from an option, or declare the capability 'stochastic'.",
     )
+
+
+def check_does_not_repeat_itself(subject: BackendUnderTest) -> None:
+    """The output for a photo is not that of an earlier photo of the same size."""
+    changes = _change_by_a_new_instance(subject)
+    earlier, later = _photos_of_one_size(subject)
+    expect(
+        not changes,
+        f"the output of a new instance for the photo '{later}', after a call on '{earlier}' of the same size",
+        changes,
+        "Is a result, a camera or a buffer kept by the size of the photo, or from the call before?",
+    )
+
+
+def _change_by_a_new_instance(subject: BackendUnderTest) -> str:
+    """Describe how a new instance's output for the second of two photos of one size differs; empty if it does not."""
+    earlier, later = _photos_of_one_size(subject)
+    subject.result(earlier)
+    return describe_difference(subject.result(later), _of_new_instance(subject))
+
+
+def _photos_of_one_size(subject: BackendUnderTest) -> tuple[str, str]:
+    return PHOTOS_OF_ONE_SIZE.get(subject.interface, TWO_PHOTOS)
+
+
+@lru_cache(maxsize=1)
+def _of_new_instance(subject: BackendUnderTest) -> Any:
+    """Return the output of a new instance for the second of two photos of one size."""
+    case = subject.case(_photos_of_one_size(subject)[1])
+    backend = subject.construct(case)
+    try:
+        backend.load(subject.device)
+        return subject.infer(backend, case)
+    finally:
+        _close(backend)
 
 
 def check_keeps_no_state_between_photos(subject: BackendUnderTest) -> None:
@@ -223,6 +255,7 @@ CHECKS: tuple[Check, ...] = (
     Check(check_accepts_or_refuses_a_large_photo, _BACKEND),
     Check(check_does_not_modify_its_input, _BACKEND),
     Check(check_is_deterministic, _BACKEND, unless=_ALONE),
+    Check(check_does_not_repeat_itself, _BACKEND, unless=_ALONE, after=("is_deterministic",)),
     Check(check_keeps_no_state_between_photos, _BACKEND, unless=_ALONE, after=("is_deterministic",)),
     Check(check_ignores_the_image, "physic_testing.conformance.CAPABILITIES", only_with=BLIND),
     Check(check_accepts_array_views, _BACKEND, after=("keeps_no_state_between_photos", "does_not_modify_its_input")),

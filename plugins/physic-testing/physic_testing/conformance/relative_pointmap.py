@@ -9,7 +9,7 @@ import numpy as np
 
 from physic_core.discovery.error_text import describe_error
 from physic_core.errors import PhysicError
-from physic_testing.conformance.bias import expect_no_bias
+from physic_testing.conformance.bias import expect_no_bias, pixel_shift
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.contract import contract_violations
 from physic_testing.conformance.depth_checks import (
@@ -32,12 +32,19 @@ from physic_testing.conformance.requests import infer_arguments
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Pointmap
     from physic_testing.conformance.backend_under_test import BackendUnderTest
+    from physic_testing.conformance.cases import Case
 
 MAX_OFFSET_PX, MAX_STRETCH = 0.25, 0.006
 """Mean offset of the pixel centres, px, and mean relative error of the rays' spread, that are taken for none."""
 
 MUCH = 0.43
 """As of ``expect_no_better``: another ambiguity leaves less than two fifths of the error."""
+
+MAX_SECOND_STRETCH, MAX_SECOND_OFFSET_PX, MAX_SECOND_SHIFT_PX = 0.03, 1.0, 1.0
+"""The same of one photo with people, and its shift against the photo without."""
+
+MAX_SHARP_SHIFT_PX = 0.1
+"""Shift of the first result against the truth up to which its edges are sharp enough for that comparison."""
 
 MIN_POINTS = 64
 
@@ -142,6 +149,34 @@ def check_accepts_the_photo_with_people(subject: BackendUnderTest) -> None:
         ) from error
     faults = contract_violations(subject.interface, answer, case)
     expect(not faults, "valid output for the photo with people", "; ".join(faults))
+    _expect_like_the_first_call(case, subject.result(), answer)
+
+
+def _expect_like_the_first_call(case: Case, first: Pointmap, second: Pointmap) -> None:
+    """Raise CheckFailed if the points of the photo with people are not where they are, outside of the people."""
+    truth, z = case.truth.depth, _depth(second)
+    expect_not_flipped(z, truth)
+    expect_depth_grows_with_distance(z, truth)
+    camera, (rows, columns) = case.intrinsics, np.nonzero(second.valid)
+    points = second.points[rows, columns].astype(np.float64)
+    for axis, pixel, focal, name in ((0, columns - camera.cx, camera.fx, "x"), (1, rows - camera.cy, camera.fy, "y")):
+        slope, offset = _fit(pixel, points[:, axis], points[:, 2], focal)
+        expect(
+            abs(slope - 1) < MAX_SECOND_STRETCH and abs(offset) < MAX_SECOND_OFFSET_PX,
+            f"points of the photo with people on the rays of the given camera along {name} (x right, y down)",
+            f"{slope:.3f} times as far out, and {offset:+.2f} px off",
+            "Is the second call, with hints.scene, handled like the first?",
+        )
+    outside = ~case.hole & np.isfinite(z) & np.isfinite(_depth(first))
+    own, before = (np.log(np.where(outside, depth, 1.0)) for depth in (z, _depth(first)))
+    true = np.log(np.where(outside & np.isfinite(case.truth.empty_depth), case.truth.empty_depth, 1.0))
+    shift, sharp = pixel_shift(own, before, outside), np.abs(pixel_shift(before, true, outside)) < MAX_SHARP_SHIFT_PX
+    expect(
+        not (np.abs(shift) > MAX_SECOND_SHIFT_PX)[sharp].any(),
+        "edges of the photo with people where they are in the photo without",
+        f"a shift of {np.round(shift, 2).tolist()} px",
+        "Is the padding of the network's input subtracted in both calls?",
+    )
 
 
 def _projection_fits(subject: BackendUnderTest) -> tuple[FloatArray, FloatArray]:
@@ -197,6 +232,10 @@ CHECKS: tuple[Check, ...] = (
     Check(check_returns_intrinsics_as_promised, _CAMERA, only_with=frozenset({"returns_intrinsics"})),
     Check(check_works_without_intrinsics, "physic_core.types.Hints"),
     Check(check_works_without_hints, "physic_core.types.Hints", after=("works_without_intrinsics",)),
-    Check(check_accepts_the_photo_with_people, "physic_core.interfaces.RelativePointmap"),
+    Check(
+        check_accepts_the_photo_with_people,
+        "physic_core.interfaces.RelativePointmap",
+        after=("frame_is_opencv", "given_camera_is_used", "depth_grows_with_distance"),
+    ),
 )
 """Checks of a RelativePointmap, in order of execution."""

@@ -10,10 +10,11 @@ from typing import Any, Literal
 
 from physic_core.discovery.error_text import traceback_text
 
-Outcome = Literal["passed", "failed", "xfailed", "xpassed", "skipped"]
+Outcome = Literal["passed", "failed", "warned", "xfailed", "xpassed", "skipped"]
 OUTCOMES: dict[Outcome, str] = {
     "passed": "passed",
     "failed": "failed",
+    "warned": "warned of",
     "xfailed": "failed as expected",
     "xpassed": "passed though expected to fail",
     "skipped": "skipped",
@@ -27,7 +28,8 @@ class Result:
 
     Attributes:
         check: name of the check.
-        outcome: "xfailed" is an expected failure; "xpassed" is an unexpected success, which counts as a failure.
+        outcome: "warned" is a failure of a check that only warns; "xfailed" is an expected failure; "xpassed" is an
+            unexpected success, which counts as a failure.
         expected: for a failure, the requirement.
         got: for a failure, the backend's output or error.
         hint: for a failure, a likely cause.
@@ -55,8 +57,9 @@ class Result:
     @property
     def message(self) -> str:
         """Name of the check with its failure, or with its reason for being skipped."""
-        if self.outcome == "failed":
-            lines = [f"{self.check}", f"  expected: {self.expected}", f"  got:      {self.got}"]
+        if self.outcome in ("failed", "warned"):
+            title = f"warning: {self.check}" if self.outcome == "warned" else self.check
+            lines = [title, f"  expected: {self.expected}", f"  got:      {self.got}"]
             lines += [f"  hint:     {self.hint}"] if self.hint else []
             return "\n".join([*lines, f"  read:     {self.read}"])
         if self.outcome == "xpassed":
@@ -100,6 +103,11 @@ class Report:
         return tuple(r for r in self.results if r.outcome in ("failed", "xpassed"))
 
     @property
+    def warnings(self) -> tuple[Result, ...]:
+        """What the contract does not forbid, but users would not want; ``ok`` does not depend on it."""
+        return tuple(r for r in self.results if r.outcome == "warned")
+
+    @property
     def not_run_reason(self) -> str:
         """Reason why the backend was never called; empty if it was called."""
         judged = {r.check: r for r in self.results if r.outcome != "skipped"}
@@ -129,8 +137,8 @@ class Report:
 
     @property
     def text(self) -> str:
-        """All failures, the accuracy, and the summary as text."""
-        blocks = [text for r in self.failures for text in (r.message, r.traceback) if text]
+        """All failures and warnings, the accuracy, and the summary as text."""
+        blocks = [text for r in (*self.failures, *self.warnings) for text in (r.message, r.traceback) if text]
         if self.accuracy:
             numbers = ", ".join(f"{name} {value:.3g}" for name, value in self.accuracy.items())
             blocks.append(f"accuracy on worlds (not judged): {numbers}")

@@ -84,7 +84,7 @@ class CheckRun:
         except CheckFailed as failure:
             return Result(
                 name,
-                "failed",
+                "warned" if check.warns else "failed",
                 failure.expected,
                 failure.got,
                 failure.hint,

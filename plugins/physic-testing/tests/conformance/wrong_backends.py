@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -329,6 +330,56 @@ class Recycling(RightMetricDepth):
         return replace(answer, depth=self.buffer[:height, :width])
 
 
+@wrong("depth kept by the size of the photo", "does_not_repeat_itself")
+class Cached(RightMetricDepth):
+    kept: ClassVar[dict[tuple[int, ...], Any]]
+
+    def __init__(self, options=None):
+        super().__init__(options)
+        self.kept = {}
+
+    def infer(self, image, hints):
+        return self.kept.setdefault(image.shape, super().infer(image, hints))
+
+
+@wrong("a seed for everybody", "changes_no_settings_of_the_process")
+class Seeding(RightMetricDepth):
+    def infer(self, image, hints):
+        np.random.seed(len(image))
+        return super().infer(image, hints)
+
+
+@wrong("a picture for debugging", "writes_no_files")
+class Writer(RightMetricDepth):
+    def infer(self, image, hints):
+        Path("depth.txt").write_text("1")
+        return super().infer(image, hints)
+
+
+@wrong("a line for each photo", "prints_nothing")
+class Printing(RightMetricDepth):
+    def infer(self, image, hints):
+        print("one more photo")
+        return super().infer(image, hints)
+
+
+@wrong("a list of all photos", "needs_no_more_memory_in_later_calls")
+class Hoarding(RightMetricDepth):
+    def infer(self, image, hints):
+        self.__dict__.setdefault("seen", []).append(np.ones(1_000_000))
+        return super().infer(image, hints)
+
+
+@wrong("weights kept after close", "close_releases_memory")
+class Keeping(RightMetricDepth):
+    weights: Any = None
+
+    def load(self, device="cpu"):
+        super().load(device)
+        if self.weights is None:
+            self.weights = np.ones(1_000_000)
+
+
 restless(
     RightMetricDepth,
     "arrays of its own kind only",
@@ -604,6 +655,12 @@ restless(
     "works_without_hints",
     lambda image, people, intrinsics, keypoints, hints: hints.floor is None,
     AttributeError("'NoneType' object has no attribute 'normal'"),
+)
+altered(
+    RightBodies,
+    "observed inverted",
+    "observed_is_true_in_sight",
+    lambda a, *_: replace(a, observed=None if a.observed is None else ~a.observed),
 )
 altered(RightHands, "degrees", "angles_are_radians", lambda a, *_: replace(a, rotvecs=np.degrees(a.rotvecs)))
 altered(RightContact, "another mesh", "topology_is_that_of_the_bodies", lambda a, *_: replace(a, topology="smplx"))

@@ -1,0 +1,91 @@
+"""Checks that a backend's record says of its weights and packages what their manifest and the process say."""
+
+from __future__ import annotations
+
+import re
+import sys
+from typing import TYPE_CHECKING
+
+from physic_core.discovery.readiness import is_installed
+from physic_core.weights.library import NON_COMMERCIAL, named_sets
+from physic_testing.conformance.check import Check
+from physic_testing.conformance.expect import CheckSkipped, expect
+
+if TYPE_CHECKING:
+    from physic_core.discovery.registry import BackendOffer
+    from physic_core.weights.manifest import WeightSet
+    from physic_testing.conformance.backend_under_test import BackendUnderTest
+
+_LICENCE = re.compile(r"\b(MIT|A?L?GPL(?:-\d[\w.]*)?|Apache-2\.0|BSD-\d-Clause|CC0(?:-1\.0)?|CC-BY(?:-\w+)*-\d\.\d)\b")
+
+
+def check_record_names_weights_that_exist(subject: BackendUnderTest) -> None:
+    """Each weight set of the record is in a manifest of its plugin."""
+    claim, sets = _named(subject)
+    unknown = [name for name, one in sets.items() if one is None]
+    expect(
+        not unknown,
+        f"weight sets that a manifest of {claim.origin.distribution} lists",
+        f"none of this name: {', '.join(unknown)}",
+        "Return the folder of the manifest from the hook physic_weights().",
+    )
+
+
+def check_record_states_the_licence_of_the_weights(subject: BackendUnderTest) -> None:
+    """The record's licence is that of the manifest, and so is what it says of commercial use."""
+    claim, sets = _named(subject)
+    stated = claim.record.weights_license
+    for name, one in sets.items():
+        if one is None:
+            continue
+        expect(bool(stated), f"the licence of the weights '{name}', {one.license!r}", "an empty weights_license")
+        expect(
+            one.commercial is not False or bool(NON_COMMERCIAL.search(stated)),
+            f"a licence without commercial use, as the manifest states for '{name}': {one.license!r}",
+            f"{stated!r}",
+            "Quote the licence of the weights, not that of the code.",
+        )
+        ours, theirs = set(_LICENCE.findall(stated)), set(_LICENCE.findall(one.license))
+        expect(
+            not (ours and theirs) or bool(ours & theirs),
+            f"the licence of the manifest for '{name}', {one.license!r}",
+            f"{stated!r}",
+            "Quote the licence of the weights, not that of the code.",
+        )
+
+
+def check_record_names_packages_that_it_uses(subject: BackendUnderTest) -> None:
+    """Each package of the record is installed, and imported after a call: users install no other."""
+    claim = _claim(subject)
+    subject.result()
+    packages = claim.record.packages
+    absent = [package for package in packages if not is_installed(package)]
+    expect(not absent, "packages that are installed", f"no package {', '.join(absent)}", "`packages` are import names.")
+    unused = [package for package in packages if package not in sys.modules]
+    expect(not unused, "packages that the backend imports", f"{', '.join(unused)} is not imported after calls")
+
+
+def _claim(subject: BackendUnderTest) -> BackendOffer:
+    """Return the registration, or skip the check."""
+    if subject.claim is None:
+        raise CheckSkipped("not registered by a plugin")
+    return subject.claim
+
+
+def _named(subject: BackendUnderTest) -> tuple[BackendOffer, dict[str, WeightSet | None]]:
+    """Return the registration and the weight sets that its record names, or skip the check."""
+    claim = _claim(subject)
+    if not claim.record.weights or subject.registry is None:
+        raise CheckSkipped("its record names no weights")
+    return claim, {name: found and found[1] for name, found in named_sets(subject.registry, claim).items()}
+
+
+_RECORD = "physic_core.BackendRecord"
+CHECKS: tuple[Check, ...] = (
+    Check(check_record_names_weights_that_exist, _RECORD),
+    Check(check_record_states_the_licence_of_the_weights, _RECORD),
+)
+"""Checks of a record, which call nothing."""
+
+CHECKS_AFTER_INFER: tuple[Check, ...] = (Check(check_record_names_packages_that_it_uses, _RECORD, warns=True),)
+"""Checks of a record that need the modules which calls have imported."""
