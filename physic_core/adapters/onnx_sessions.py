@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.adapters.devices import DEVICE_PATTERN
 from physic_core.adapters.optimised_graphs import KeptGraph
+from physic_core.cache.network_results import cached_network_result
 from physic_core.errors import BackendError, DeviceError
 
 if TYPE_CHECKING:
@@ -66,16 +67,35 @@ class OnnxSession:
     Attributes:
         session: onnxruntime's session.
         provider: execution provider that runs it.
+        name: of the file, without its ending.
+        made_of: SHA-256s of its files, runtime and threads; "" if no SHA-256 is published.
     """
 
-    def __init__(self, session: InferenceSession, provider: ExecutionProvider) -> None:
-        self.session, self.provider = session, provider
+    def __init__(
+        self, session: InferenceSession, provider: ExecutionProvider, name: str = "", made_of: str = ""
+    ) -> None:
+        self.session, self.provider, self.name, self.made_of = session, provider, name, made_of
 
-    def run(self, outputs: Sequence[str] | None, inputs: Mapping[str, NDArray[Any]]) -> list[Any]:
-        """Run the network and return the named outputs in that order, or all outputs for None."""
+    def run(
+        self, outputs: Sequence[str] | None, inputs: Mapping[str, NDArray[Any]], *, keep: bool = False
+    ) -> list[Any]:
+        """Run the network and return the named outputs in that order, or all outputs for None.
+
+        Args:
+            outputs: their names.
+            inputs: by name.
+            keep: keep the outputs in the cache of backend results, and take them from it for equal inputs. Useful where
+                running takes much longer than reading, and where the backend reads more than the network does. Outputs
+                are kept only if SHA-256s of the files are published.
+        """
         names = None if outputs is None else list(outputs)
-        found: list[Any] = self.session.run(names, dict(inputs))
-        return found
+
+        def compute() -> tuple[Any, ...]:
+            return tuple(self.session.run(names, dict(inputs)))
+
+        if not keep or not self.made_of:
+            return list(compute())
+        return list(cached_network_result(self.name, f"{self.made_of} {names}", inputs, compute))
 
 
 def open_session(
@@ -156,7 +176,8 @@ def open_session(
         )
     runtime = f"{chosen.name}, onnxruntime {ort.__version__}"
     _LOG.info("%s runs on %s", path.name, runtime, extra={"network_runtime": runtime})
-    return OnnxSession(session, chosen)
+    made_of = " ".join((*published.values(), runtime, f"{threads} threads")) if published else ""
+    return OnnxSession(session, chosen, path.stem, made_of)
 
 
 def _session_options(weights_folder: Path, threads: int, provider: ExecutionProvider) -> SessionOptions:

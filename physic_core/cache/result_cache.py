@@ -36,6 +36,8 @@ from physic_core.files.npz import MAX_ARRAY_BYTES
 from physic_core.interfaces import INTERFACES
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from physic_core.interfaces import Backend
     from physic_core.types import Provenance
 
@@ -133,6 +135,11 @@ class ResultCache:
         except TypeError:
             return None
         return CacheKey(f"{who.interface}-{_plain(who.backend)}-{name}{self._files.suffix}", parts)
+
+    def network_key(self, name: str, made_of: str, inputs: Mapping[str, NDArray[Any]]) -> CacheKey:
+        """Compute the cache key of the outputs of a network; see :mod:`physic_core.cache.network_results`."""
+        digest = Digester().digest(_VERSION, made_of, inputs)  # one of its own: it does not keep the inputs alive
+        return CacheKey(f"network-{_plain(name)}-{digest}{self._files.suffix}", {"interface": "network", "name": name})
 
     def read(self, key: CacheKey) -> object | None:
         """Read a cached result; None if the cache has none. Delete a file that is damaged or has another key."""

@@ -12,6 +12,7 @@ from dataclasses import KW_ONLY, dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, cast
 
+from physic_core.cache.network_results import network_results_in
 from physic_core.discovery.error_text import traceback_text
 from physic_core.errors import BackendOutputError, PhysicError
 from physic_core.interfaces.backend import Result, call, contract_violations, interface_of
@@ -116,7 +117,8 @@ class StageRunner:
                     self.files |= self._loaded.files_of(resolved)
                     start = time.perf_counter()
                     # A copy: the backend may write to its input, and later stages get the same arrays.
-                    result = call(resolved.backend, copy.deepcopy(request))
+                    with network_results_in(self.cache):
+                        result = call(resolved.backend, copy.deepcopy(request))
                 if found := find_faults(result):
                     message = f"{title} returned what the interface does not allow:\n  "
                     raise BackendOutputError(message + "\n  ".join(found))

@@ -195,9 +195,9 @@ class _Meter:
             names[session] = path.stem
             return session
 
-        def counted_run(session: onnx_sessions.OnnxSession, outputs: Any, inputs: Any) -> Any:
+        def counted_run(session: onnx_sessions.OnnxSession, *arguments: Any, **keywords: Any) -> Any:
             with self.network(names[session]):
-                return real_run(session, outputs, inputs)
+                return real_run(session, *arguments, **keywords)
 
         onnx_sessions.open_session = counted_open
         onnx_sessions.OnnxSession.run = counted_run  # type: ignore[method-assign, assignment]

@@ -46,5 +46,5 @@ def predict_disparity(
     rows, columns = network_input_size(height, width, short_side, max_tokens)
     how = cv2.INTER_AREA if rows < height else cv2.INTER_CUBIC
     fed = cv2.resize(image, (columns, rows), interpolation=how).astype(np.float32)
-    (answer,) = session.run(["depth"], {"image": np.ascontiguousarray(fed.transpose(2, 0, 1)[None])})
+    (answer,) = session.run(["depth"], {"image": np.ascontiguousarray(fed.transpose(2, 0, 1)[None])}, keep=True)
     return np.asarray(answer[0], dtype=np.float32)

@@ -33,7 +33,7 @@ def detect_line_segments(
     height, width = image.shape[:2]
     fed = np.ones((1, _SIDE, _SIDE, 4), np.float32)  # the fourth channel is ones
     fed[0, ..., :3] = cv2.resize(image, (_SIDE, _SIDE), interpolation=cv2.INTER_AREA)
-    offsets, scores = session.run(["offsets", "scores"], {session.session.get_inputs()[0].name: fed})
+    offsets, scores = session.run(["offsets", "scores"], {"input_image_with_alpha:0": fed}, keep=True)
     row, column = np.nonzero(scores[0, ..., 0] > threshold)
     shift = offsets[0, row, column].reshape(-1, 2, 2)
     cells = np.stack([column, row], -1)[:, None] + shift

@@ -97,7 +97,8 @@ def encode_image(session: OnnxSession, image: NDArray[np.uint8]) -> ImageEmbeddi
     scale = FRAME_SIZE / max(h, w)
     nh, nw = max(1, round(h * scale)), max(1, round(w * scale))
     small = cv2.resize(image, (nw, nh), interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
-    (features,) = session.run(None, {"image": small.transpose(2, 0, 1)[None].astype(np.float32)})
+    inputs = {"image": small.transpose(2, 0, 1)[None].astype(np.float32)}
+    (features,) = session.run(None, inputs, keep=True)
     return ImageEmbedding(features, h, w, scale)
 
 

@@ -1,0 +1,78 @@
+"""Outputs of networks in the cache: taken from it for equal inputs of the same network, and computed otherwise."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from physic_core.cache.network_results import cached_network_result, network_results_in
+from physic_core.cache.result_cache import ResultCache
+
+IMAGE = np.arange(12, dtype=np.float32).reshape(1, 3, 2, 2)
+OUTPUTS = (np.array([[1.5, np.nan]], np.float32), np.zeros((0, 4), np.int64))
+
+
+class Network:
+    """A network that counts its runs."""
+
+    def __init__(self) -> None:
+        self.runs = 0
+
+    def __call__(self) -> tuple[np.ndarray, ...]:
+        self.runs += 1
+        return OUTPUTS
+
+    def outputs(self, image: np.ndarray = IMAGE, made_of: str = "sha256 CPU") -> tuple[np.ndarray, ...]:
+        return cached_network_result("depth", made_of, {"image": image}, self)
+
+
+@pytest.fixture
+def cache(tmp_path: Path) -> ResultCache:
+    return ResultCache(tmp_path / "results", 10**6)
+
+
+def test_equal_inputs_are_not_run_again(cache: ResultCache) -> None:
+    network = Network()
+    with network_results_in(cache):
+        first, second = network.outputs(), network.outputs(IMAGE.copy())
+    assert network.runs == 1
+    for one, other, expected in zip(first, second, OUTPUTS, strict=True):
+        np.testing.assert_array_equal(one, expected)
+        np.testing.assert_array_equal(other, expected)
+        assert other.dtype == expected.dtype
+
+
+@pytest.mark.parametrize(
+    "other",
+    [{"image": np.nextafter(IMAGE, np.float32(99))}, {"image": IMAGE.reshape(1, 3, 1, 4)}, {"made_of": "sha256 CUDA"}],
+    ids=["value", "shape", "network"],
+)
+def test_another_input_or_network_is_run(cache: ResultCache, other: dict) -> None:
+    network = Network()
+    with network_results_in(cache):
+        network.outputs()
+        network.outputs(**other)
+    assert network.runs == 2
+
+
+def test_nothing_is_kept_outside_of_a_run_with_a_cache(cache: ResultCache) -> None:
+    network = Network()
+    with network_results_in(cache):
+        with network_results_in(None):
+            network.outputs()
+        network.outputs()
+    network.outputs()
+    assert network.runs == 3
+
+
+def test_a_damaged_file_is_computed_again_and_noted(cache: ResultCache, tmp_path: Path) -> None:
+    network = Network()
+    with network_results_in(cache):
+        network.outputs()
+        (file,) = (tmp_path / "results").iterdir()
+        file.write_bytes(file.read_bytes()[:-20])
+        np.testing.assert_array_equal(network.outputs()[0], OUTPUTS[0])
+    assert network.runs == 2
+    assert len(cache.notes) == 1
