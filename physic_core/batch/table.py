@@ -60,7 +60,7 @@ def choose_table(out: Path, kind: str | None) -> str:
 def all_columns() -> tuple[str, ...]:
     """Return the columns that tables can have: those of the journal, then the numbers of all results."""
     from physic_core.pipeline.checks import CHECKS
-    from physic_core.types.result_summary import SUMMARY_KEYS
+    from physic_core.types.results import SUMMARY_KEYS
 
     return (*COLUMNS, *(n for n in SUMMARY_KEYS if n not in COLUMNS), *(f"check_{name}" for name in CHECKS))
 

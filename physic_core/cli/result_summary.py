@@ -19,7 +19,7 @@ from physic_core.files.strict_json import from_json
 from physic_core.io.records import from_record_or_none, from_records
 from physic_core.io.result_folder import REPORT_FILE
 from physic_core.types import BodyContact, CheckResult, StageRecord, Support, summarize_checks
-from physic_core.types.result_summary import metres_text
+from physic_core.types.metres_text import metres_text
 
 _HEAD = ("person", "grade", "distance", "likely contact", "why")
 _MIN_WIDTH = 30  # characters of the last column, on a narrow terminal

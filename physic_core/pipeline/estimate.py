@@ -201,14 +201,11 @@ def run_backends(
 
 def _known_people(chosen: ChosenByUser, people: People) -> KnownPeople:
     """Return what the user knows about the people."""
-    known, alone = chosen.known, chosen.people is not None
-    years = stature = None
-    if any(known.age) or any(known.stature):
-        from physic_core.pipeline.known_sizes import ages_of_people, statures_of_people
+    if not any(chosen.known.age) and not any(chosen.known.stature):
+        return KnownPeople()
+    from physic_core.pipeline.known_people import known_people
 
-        stature = statures_of_people(known, people, chosen=alone) if any(known.stature) else None
-        years = ages_of_people(known, people, chosen=alone) if any(known.age) else None
-    return KnownPeople(years, stature)
+    return known_people(chosen.known, people, chosen=chosen.people is not None)
 
 
 @dataclass(frozen=True)
@@ -326,7 +323,7 @@ class _BackendCalls:
         bodies = self._with_hands(HandEstimatorRequest(request.image, request.people, request.keypoints), bodies)
         if statures is None:
             return bodies
-        from physic_core.pipeline.known_sizes import bodies_of_stature
+        from physic_core.pipeline.known_people import bodies_of_stature
 
         return bodies_of_stature(bodies, self.model, statures)
 
@@ -362,7 +359,7 @@ class _BackendCalls:
         """Give people of a known age under 16 years a child's size."""
         if known.years is None:
             return bodies
-        from physic_core.pipeline.ages import resize_children
+        from physic_core.pipeline.known_people import resize_children
 
         bodies, notes = resize_children(bodies, self.model, known)
         self.stages.note(*notes)

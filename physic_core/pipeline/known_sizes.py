@@ -1,4 +1,4 @@
-"""Known sizes in the pipeline: whose stature is which, bodies of the known stature, and the comparison at the end."""
+"""Compare what the user knows of sizes with people placed in the scene, and with the result."""
 
 from __future__ import annotations
 
@@ -7,21 +7,17 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 
-from physic_core.body.parameters import rotations_from_parameters
 from physic_core.body.posture import standing_legs
 from physic_core.engine.sizes import (
     CONTRADICTION,
     FACTOR_SPREAD,
     STATURES_M,
     log_growth_to_floor,
-    resize_bodies,
     stature_sigmas,
 )
-from physic_core.errors import ConfigError, InputError
+from physic_core.errors import ConfigError
 from physic_core.geometry.mesh import vertex_normals
-from physic_core.geometry.tensors import tensor
 from physic_core.pipeline.checks.specs import CHECKS
 from physic_core.types.known_sizes import KnownPeople
 
@@ -30,126 +26,50 @@ if TYPE_CHECKING:
 
     from torch import Tensor
 
-    from physic_core.body.model import BodyModel
     from physic_core.engine.joint.problem import JointProblem, JointResult
     from physic_core.engine.placement.solve import EstimatedBodies, PlacedPeople
     from physic_core.engine.scene.solve import SceneState
     from physic_core.engine.sizes import KnownGeometry, KnownScene
     from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.solution import Solution
-    from physic_core.types import Bodies, FloatArray, KnownSizes, People
+    from physic_core.types import FloatArray, KnownSizes
 
 _AGREES = 0.02  # difference of logarithms of a given and a resulting size
-
-
-def statures_of_people(known: KnownSizes, people: People, *, chosen: bool = False) -> FloatArray:
-    """Return the known stature of each person (N,), metres, NaN where unknown.
-
-    Args:
-        known: its statures are in the order of the people if the user chose these, else from left to right.
-        chosen: whether the user chose the people.
-
-    Raises:
-        InputError: there are several statures, but not one per person.
-    """
-    return _per_person(known.stature, "stature", people, chosen=chosen)
-
-
-def ages_of_people(known: KnownSizes, people: People, *, chosen: bool = False) -> FloatArray:
-    """Return the known age of each person (N,), years, NaN where unknown; as :func:`statures_of_people`."""
-    return _per_person(known.age, "age", people, chosen=chosen)
-
-
-def _per_person(given: tuple[float, ...], name: str, people: People, *, chosen: bool) -> FloatArray:
-    count = len(people)
-    if len(given) > 1 and len(given) != count:
-        raise InputError(
-            f"{len(given)} {name}s were given, but {count} {'person was' if count == 1 else 'people were'} found: give "
-            f"one {name} for all, or one per person from left to right with 0 where it is unknown"
-        )
-    values = np.array(given * count if len(given) == 1 else given or (0.0,) * count, np.float64)
-    boxes = np.asarray(people.boxes, np.float64).reshape(-1, 4)
-    order = np.arange(count) if chosen else np.argsort(boxes[:, 0] + boxes[:, 2], kind="stable")
-    found = np.full(count, np.nan)
-    found[order] = np.where(values > 0, values, np.nan)
-    return found
-
-
-def bodies_of_stature(bodies: Bodies, model: BodyModel, statures: FloatArray, near: FloatArray | None = None) -> Bodies:
-    """Give N bodies of the configured body model their known statures (N,), and keep their size in the image.
-
-    A body that becomes larger moves away from the camera by the same factor. Its betas are the nearest to ``near``
-    (N, K), or to the old ones.
-    """
-    parameters = bodies.parameters
-    chosen = np.isfinite(statures) & np.isfinite(parameters.betas).all(1) & np.isfinite(parameters.transl).all(1)
-    if not chosen.any():
-        return bodies
-    rows = parameters[chosen]
-    exact = model.double
-    betas, transl, ratio = resize_bodies(
-        exact,
-        rotations_from_parameters(rows).double(),
-        tensor(rows.betas).double(),
-        tensor(rows.transl).double(),
-        torch.from_numpy(statures[chosen]),
-        None if near is None else torch.from_numpy(near[chosen]),
-    )
-
-    def changed(values: FloatArray, new: Tensor) -> FloatArray:
-        out = np.array(values)
-        out[chosen] = new.numpy()
-        return out
-
-    factor = np.ones(len(statures))
-    factor[chosen] = ratio.numpy()
-    factor = factor[:, None, None]
-    return replace(
-        bodies,
-        parameters=replace(
-            parameters, betas=changed(parameters.betas, betas), transl=changed(parameters.transl, transl)
-        ),
-        joints=None if bodies.joints is None else np.asarray(bodies.joints * factor, bodies.joints.dtype),
-        mesh=None
-        if bodies.mesh is None
-        else replace(bodies.mesh, vertices=np.asarray(bodies.mesh.vertices * factor, bodies.mesh.vertices.dtype)),
-    )
 
 
 def check_placed_people(
     estimates: Estimates, known: KnownScene, bodies: EstimatedBodies, placed: PlacedPeople
 ) -> list[str]:
-    """Return warnings of people who do not fit the known sizes.
+    """Compare people with a scene of known scale, before anything is optimised.
+
+    Returns:
+        Warnings of people of unknown stature who would be impossibly tall or small.
 
     Raises:
-        ConfigError: the photo contradicts a known size.
+        ConfigError: the photo contradicts a known stature or the camera height, or most people of unknown stature would
+            be impossibly tall or small, by more than three standard errors.
     """
     warnings = []
     if placed.size_ratio is not None:
         estimated = bodies.model.stature(bodies.betas)
-        warnings = check_people_in_scene(known.geometry, estimates.statures, estimated, placed.size_ratio)
-    if placed.rejected_floor is not None and known.geometry.camera_height is not None:
-        raise floor_contradiction(known.geometry, known.unscaled.floor_offset)
+        warnings = _check_statures(known.geometry, estimates.statures, estimated, placed.size_ratio)
+    height = known.geometry.camera_height
+    if placed.rejected_floor is not None and height is not None:
+        raise ConfigError(
+            f"the photo contradicts the camera height {height:g} m: at that height nobody stands on the floor, which "
+            f"the photo shows {known.unscaled.floor_offset:.2f} m below the camera. Correct the height, or leave it out"
+        )
     return warnings
 
 
-def check_people_in_scene(
-    known: KnownGeometry, statures: FloatArray | None, estimated: Tensor, ratio: Tensor
-) -> list[str]:
-    """Compare people with a scene of known scale, before anything is optimised.
+def _check_statures(known: KnownGeometry, statures: FloatArray | None, estimated: Tensor, ratio: Tensor) -> list[str]:
+    """Compare the statures (N,) that people would have in a scene of known scale with usual and known ones.
 
     Args:
         known: its camera height or lengths gave the scale.
         statures: (N,) metres, known ones, NaN where unknown; None if none is known.
         estimated: (N,) metres, of the bodies; the known ones where known.
         ratio: (N,) factor by which the scene would enlarge these bodies, NaN where unknown.
-
-    Returns:
-        Warnings of people of unknown stature who would be impossibly tall or small.
-
-    Raises:
-        ConfigError: the photo contradicts a known stature, or most people of unknown stature would be impossibly
-            tall or small, by more than three standard errors.
     """
     sizes, (least, most) = _scene_sizes(known), STATURES_M
     given = [math.nan] * len(ratio) if statures is None else statures.tolist()
@@ -178,18 +98,6 @@ def check_people_in_scene(
     ]
 
 
-def floor_contradiction(known: KnownGeometry, shown_m: float) -> ConfigError:
-    """Return the error for a camera height by which the photo's floor does not lie under its people.
-
-    Args:
-        shown_m: height of the camera over the floor by the photo alone, metres.
-    """
-    return ConfigError(
-        f"the photo contradicts the camera height {known.camera_height:g} m: at that height nobody stands on the "
-        f"floor, which the photo shows {shown_m:.2f} m below the camera. Correct the height, or leave it out"
-    )
-
-
 def _scene_sizes(known: KnownGeometry, factor: float = 1.0) -> str:
     """Name the camera height and the lengths on the scene, times a factor."""
     lengths = known.distances.metres[(known.distances.person < 0).all(1)].tolist()
@@ -213,11 +121,11 @@ def compare_sizes(
         is_sized: whether the camera's height or a length gave the scale.
 
     Raises:
-        ConfigError: as in :func:`contradictions`.
+        ConfigError: a size differs from the given one by more than three standard errors.
     """
     warnings, measured = contradictions(estimates.known, scene, problem, result)
     given = KnownPeople(estimates.ages, estimates.statures)
-    sizes = compare_statures(given, problem, result, _growth_to_floor(solution), is_sized=is_sized)
+    sizes = _compare_statures(given, problem, result, _growth_to_floor(solution), is_sized=is_sized)
     people = tuple({**own, **size} for own, size in zip(solution.people, sizes, strict=True))
     return warnings, replace(solution, people=people, diagnostics={**solution.diagnostics, **measured})
 
@@ -293,7 +201,7 @@ def contradictions(
     return warnings, {"known_sizes": measured}
 
 
-def compare_statures(
+def _compare_statures(
     given: KnownPeople, problem: JointProblem, result: JointResult, off_floor: FloatArray, *, is_sized: bool
 ) -> list[dict[str, float | None]]:
     """Compare each person's stature of the given age or size with what the photo shows.

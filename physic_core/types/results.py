@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import InputError
+from physic_core.types.contacts import PARTNER_KINDS
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
@@ -251,9 +254,11 @@ class Reconstruction(ShortRepr):
         these pairs, those with floor, scene, person, self or hidden), failed_checks, unknown_checks, warnings, seconds,
         load_seconds, and ``check_NAME`` for each self-check, the worst value of all people.
         """
-        from physic_core.types.result_summary import summarize
-
-        return summarize(self)
+        values = {name: value(self) for name, value in _SUMMARY.items()}
+        by_name: dict[str, list[CheckResult]] = defaultdict(list)
+        for check in self.checks:
+            by_name[check.name].append(check)
+        return values | {f"check_{name}": _worst(group) for name, group in by_name.items()}
 
     def save(self, folder: str, save: str = "full", *, overwrite: bool = False) -> None:
         """Write ``reconstruction.json``, ``reconstruction.npz``, GLB files and ``preview.png`` to a folder.
@@ -312,6 +317,55 @@ class Reconstruction(ShortRepr):
         """
         loaded: Reconstruction = _public_function("load_reconstruction")(folder)
         return loaded
+
+
+def _depths_m(result: Reconstruction) -> list[float]:
+    """Return the depth of the pelvis of each person with a body."""
+    joints = (person.joints for person in result.people)
+    return [float(one[0, 2]) for one in joints if len(one) and all(map(math.isfinite, one[0].tolist()))]
+
+
+def _touched(result: Reconstruction, kinds: Sequence[str] = PARTNER_KINDS) -> int | None:
+    """Return how many pairs of a body part and a partner of these kinds touch; None without partners."""
+    if any(person.contact_partner is None for person in result.people):
+        return None
+    return sum(contact.partner.kind in kinds for person in result.people for contact in person.contacts)
+
+
+_SUMMARY: dict[str, Callable[[Reconstruction], float | int | str | None]] = {
+    "grade": lambda result: None if result.grade is None else str(result.grade),
+    "people": lambda result: len(result.people),
+    "bodies": lambda result: len(_depths_m(result)),
+    "width_px": lambda result: result.intrinsics.width,
+    "height_px": lambda result: result.intrinsics.height,
+    "focal_px": lambda result: result.intrinsics.fy,
+    "focal_known": lambda result: int(result.intrinsics.known),
+    "floor_found": lambda result: int(result.scene.floor is not None),
+    "scene_valid_share": lambda result: float(result.scene.valid.mean()),
+    "scene_scale": lambda result: result.scene.scale,
+    "scale_sigma": lambda result: result.scene.scale_sigma,
+    "distance_sigma": lambda result: result.distance_sigma,
+    "nearest_person_m": lambda result: min(_depths_m(result), default=None),
+    "farthest_person_m": lambda result: max(_depths_m(result), default=None),
+    "contact_vertices": lambda result: sum(int(person.contact.sum()) for person in result.people),
+    "contact_parts": _touched,
+    **{f"contact_{kind}": partial(_touched, kinds=(kind,)) for kind in PARTNER_KINDS},
+    "failed_checks": lambda result: sum(check.failed for check in result.checks),
+    "unknown_checks": lambda result: sum(not (check.ok or check.failed) for check in result.checks),
+    "warnings": lambda result: len(result.warnings),
+    "seconds": lambda result: sum(stage.seconds for stage in result.stages),
+    "load_seconds": lambda result: sum(stage.load_seconds for stage in result.stages),
+}
+
+SUMMARY_KEYS = tuple(_SUMMARY)
+"""Keys of every summary; that of a result also has ``check_NAME`` for each self-check."""
+
+
+def _worst(checks: list[CheckResult]) -> float | None:
+    """Return the worst value of one check of several people; None if nothing was measured."""
+    values = [check.value for check in checks if check.value is not None]
+    worst = max if checks[0].direction == "at most" else min
+    return worst(values, default=None)
 
 
 def _public_function(name: str) -> Callable[..., Any]:

@@ -8,7 +8,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from physic_core.types import Grade
-from physic_core.types.result_summary import metres_text
+from physic_core.types.metres_text import metres_text
 from physic_core.visual.orthographic_views import PAGE_RGB
 from physic_core.visual.palette import person_color
 from physic_core.visual.panels import CONTACT_VIEWS, render_contact_views

@@ -16,7 +16,7 @@ from physic_core.body.joints import JOINT_INDEX
 from physic_core.files.own import MARK
 from physic_core.geometry.upright import up_in_camera
 from physic_core.types import CameraView, summarize_checks
-from physic_core.types.result_summary import metres_text
+from physic_core.types.metres_text import metres_text
 from physic_core.visual.orthographic_views import (
     PAGE_RGB,
     LabeledView,

@@ -19,7 +19,7 @@ from physic_core.body.parameters import parameters_from_rotations, rotations_fro
 from physic_core.cli import main
 from physic_core.engine.sizes import KnownDistances, KnownGeometry, betas_with_stature, stature_factor, vertices_at_ray
 from physic_core.errors import ConfigError
-from physic_core.pipeline.known_sizes import bodies_of_stature, statures_of_people
+from physic_core.pipeline.known_people import bodies_of_stature, known_people
 from physic_core.types import Bodies, People
 from physic_testing.worlds import World, build_world
 
@@ -157,19 +157,19 @@ def people(centres: list[float]) -> People:
 
 
 def test_statures_are_given_from_left_to_right() -> None:
-    found = statures_of_people(KnownSizes(stature=(1.5, 0, 1.8)), people([70, 20, 40]))
+    found = known_people(KnownSizes(stature=(1.5, 0, 1.8)), people([70, 20, 40])).stature
     np.testing.assert_equal(found, [1.8, 1.5, np.nan])
-    np.testing.assert_equal(statures_of_people(KnownSizes(stature=(1.7,)), people([70, 20])), [1.7, 1.7])
+    np.testing.assert_equal(known_people(KnownSizes(stature=(1.7,)), people([70, 20])).stature, [1.7, 1.7])
 
 
 def test_statures_of_chosen_people_are_in_their_order() -> None:
-    found = statures_of_people(KnownSizes(stature=(1.5, 0, 1.8)), people([70, 20, 40]), chosen=True)
+    found = known_people(KnownSizes(stature=(1.5, 0, 1.8)), people([70, 20, 40]), chosen=True).stature
     np.testing.assert_equal(found, [1.5, np.nan, 1.8])
 
 
 def test_too_many_statures_are_an_error() -> None:
     with pytest.raises(InputError, match=r"^2 statures were given, but 1 person was found: give one stature for all"):
-        statures_of_people(KnownSizes(stature=(1.5, 1.6)), people([70]))
+        known_people(KnownSizes(stature=(1.5, 1.6)), people([70]))
 
 
 def test_a_body_of_another_stature_keeps_its_place_in_the_image() -> None:

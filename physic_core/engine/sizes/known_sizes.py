@@ -122,17 +122,9 @@ class KnownScene(ShortRepr):
 def scale_scene_to_known_sizes(
     known: KnownSizes, stature: Sequence[float], masks: Tensor, scene: SceneState
 ) -> KnownScene:
-    """Scale the scene to known sizes, if they give its scale; arguments as in :func:`known_geometry`."""
-    geometry = known_geometry(known, stature, masks, scene)
-    factor = scene_factor(geometry, None if scene.floor_normal is None else scene.floor_offset)
-    if factor is None:
-        return KnownScene(scene, scene, geometry, None)
-    scaled, geometry = scale_scene(scene, geometry, factor)
-    return KnownScene(scaled, scene, geometry, factor)
+    """Scale the scene to known sizes, if they give its scale.
 
-
-def known_geometry(known: KnownSizes, stature: Sequence[float], masks: Tensor, scene: SceneState) -> KnownGeometry:
-    """Find the scene points and people at the pixels of known lengths.
+    The factor is the geometric mean of those by the camera height and by each length whose ends are both on the scene.
 
     Args:
         known: pixels in px of the image.
@@ -140,6 +132,23 @@ def known_geometry(known: KnownSizes, stature: Sequence[float], masks: Tensor, s
         masks: (B, H, W) bool. A pixel in a mask is on that person, the smallest one where masks overlap.
         scene: stage 1.
     """
+    geometry = _known_geometry(known, stature, masks, scene)
+    logs = []
+    if known.camera_height is not None and scene.floor_normal is not None:
+        logs.append(math.log(known.camera_height / scene.floor_offset))
+    d = geometry.distances
+    on_scene = (d.person < 0).all(1)
+    extent = torch.linalg.vector_norm(d.points[on_scene, 0] - d.points[on_scene, 1], dim=-1)
+    logs += (d.metres[on_scene] / extent.clamp(min=1e-6)).log().tolist()
+    if not logs:
+        return KnownScene(scene, scene, geometry, None)
+    factor = math.exp(sum(logs) / len(logs))
+    scaled, geometry = scale_scene(scene, geometry, factor)
+    return KnownScene(scaled, scene, geometry, factor)
+
+
+def _known_geometry(known: KnownSizes, stature: Sequence[float], masks: Tensor, scene: SceneState) -> KnownGeometry:
+    """Find the scene points and people at the pixels of known lengths."""
     masks, height, width = masks.cpu(), *scene.valid.shape
     area = masks.flatten(1).sum(1)
     inverse = torch.linalg.inv(scene.K.double().cpu())
@@ -179,26 +188,6 @@ def _scene_point(scene: SceneState, x: int, y: int) -> Tensor | None:
     nearest = int(((rows + top - y).square() + (columns + left - x).square()).argmin())
     point: Tensor = scene.points[int(rows[nearest]) + top, int(columns[nearest]) + left]
     return point.detach().cpu().double()
-
-
-def scene_factor(known: KnownGeometry, floor_offset: float | None) -> float | None:
-    """Return the factor on the scene by the known camera height and lengths on the scene: the geometric mean.
-
-    Args:
-        known: of the scene as it is.
-        floor_offset: height of the camera over the scene's floor, metres; None without a floor.
-
-    Returns:
-        None if neither is known.
-    """
-    logs = []
-    if known.camera_height is not None and floor_offset is not None:
-        logs.append(math.log(known.camera_height / floor_offset))
-    d = known.distances
-    on_scene = (d.person < 0).all(1)
-    extent = torch.linalg.vector_norm(d.points[on_scene, 0] - d.points[on_scene, 1], dim=-1)
-    logs += (d.metres[on_scene] / extent.clamp(min=1e-6)).log().tolist()
-    return math.exp(sum(logs) / len(logs)) if logs else None
 
 
 def scale_scene(scene: SceneState, known: KnownGeometry, factor: float) -> tuple[SceneState, KnownGeometry]:

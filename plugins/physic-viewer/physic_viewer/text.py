@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from physic_core.types import summarize_checks
-from physic_core.types.result_summary import metres_text
+from physic_core.types.metres_text import metres_text
 from physic_core.visual.palette import BODY_RGB, FAINT, contact_legend, has_faint_contact
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from websockets.typing import Subprotocol
 from physic_core import save_reconstruction
 from physic_core.cli import main
 from physic_core.errors import BackendError, InputError
-from physic_core.types.result_summary import metres_text
+from physic_core.types.metres_text import metres_text
 from physic_core.visual.palette import CONTACT_PALETTE
 from physic_viewer import command, own_page
 from physic_viewer.drawing import SKINS

@@ -78,7 +78,9 @@ def evidence_key(case: WorldCase, plan: ResolvedPipeline) -> str:
             for name, found in plan.backends.items()
         },
         "source": [
-            source_hash(("physic_core/body", "physic_core/pipeline/ages.py", "physic_core/pipeline/estimate.py")),
+            source_hash(
+                ("physic_core/body", "physic_core/pipeline/known_people.py", "physic_core/pipeline/estimate.py")
+            ),
             _folder_hash("physic_testing"),
             *sorted({_folder_hash(found.provenance.plugin) for found in plan.backends.values()}),
         ],

@@ -10,7 +10,7 @@ from physic_core import KnownSizes, load_config, load_reconstruction, reconstruc
 from physic_core.body import load_body
 from physic_core.body.ages import load_ages
 from physic_core.body.parameters import parameters_from_rotations
-from physic_core.pipeline.ages import resize_children
+from physic_core.pipeline.known_people import resize_children
 from physic_core.types import Bodies
 from physic_core.types.known_sizes import KnownPeople
 from physic_testing.worlds import build_world
