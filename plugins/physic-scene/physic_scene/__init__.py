@@ -8,15 +8,27 @@ from typing import TYPE_CHECKING, Any
 from physic_core import BackendRecord, CommandRecord, hookimpl
 
 if TYPE_CHECKING:
+    from physic_scene.calibration import KnownCamera, read_calibration
     from physic_scene.scene import Scene, reconstruct_scene
     from physic_scene.types import CameraPose, SceneResult
 
-__all__ = ["CameraPose", "Scene", "SceneResult", "physic_backends", "physic_commands", "reconstruct_scene"]
+__all__ = [
+    "CameraPose",
+    "KnownCamera",
+    "Scene",
+    "SceneResult",
+    "physic_backends",
+    "physic_commands",
+    "read_calibration",
+    "reconstruct_scene",
+]
 
 _NAMES = {
     "CameraPose": "types",
+    "KnownCamera": "calibration",
     "SceneResult": "types",
     "Scene": "scene",
+    "read_calibration": "calibration",
     "reconstruct_scene": "scene",
 }
 

@@ -36,10 +36,11 @@ from physic_scene.measured import KeypointErrors, measured_errors
 from physic_scene.rigid import Pose
 
 if TYPE_CHECKING:
-    from physic_core.types import FloatArray, IntArray
+    from physic_core.types import BoolArray, FloatArray, IntArray
     from physic_scene.observations import PhotoPeople
 
 _NEAREST_M = 0.1
+_FIXED = 1e-6  # standard deviation of a parameter that stays
 _KNOWN_FOCAL = 0.01  # standard deviation of the logarithm of a known focal length
 _BONES = (
     ("shoulder", "elbow"),
@@ -52,10 +53,10 @@ _BONES = (
 
 @dataclass(frozen=True)
 class BundleSettings:
-    """Settings of the bundle adjustment; most expected sizes are those of ``measured_errors.json``.
+    """Settings of the bundle adjustment; the other expected sizes are those of ``measured_errors.json``.
 
     Attributes:
-        keypoint: error of a keypoint of confidence 1 to which a body is fitted, as a share of the stature in px.
+        keypoint: factor on the measured errors of keypoints.
         epipolar_px: distance of a background pixel from its epipolar line, px of a photo 1000 px wide.
         outlier: beyond this many expected sizes, a residual counts as an outlier. 0.7 gives the least errors of
             directions of twelve worlds, and makes the stated uncertainty theirs; 1.0 and 1.5 have larger ones.
@@ -65,15 +66,25 @@ class BundleSettings:
             which does not know that bodies of one photo err alike. It makes them those of 26 pairs of photos of a rig;
             on the pairs that took no part, errors then are 1.1 and 1.2 of them.
         position_stated: the same for camera centres; 1.1 and 1.0.
+        known_keypoint: ``keypoint`` where cameras are known. The measured errors, of worlds, are those of people to
+            whom cameras are fitted; with 1, points of four photos follow bodies where keypoints know better. Of two
+            moments of a rig, 0.25 and 0.15 with 3 sigmas reproject best into a photo that is left out.
+        known_outlier: ``outlier`` where cameras are known.
     """
 
-    keypoint: Positive = 0.02
+    keypoint: Positive = 1.0
     epipolar_px: Positive = 2.0
     outlier: Positive = 0.7
     steps: PositiveCount = 25
     rounds: Annotated[tuple[Positive, ...], MinLen(1), MaxLen(8)] = (8.0, 3.0, 1.0)
     rotation_stated: Positive = 1.33
     position_stated: Positive = 0.71
+    known_keypoint: Positive = 0.25
+    known_outlier: Positive = 3.0
+
+    def for_known_cameras(self) -> BundleSettings:
+        """Return the settings for the points of known cameras."""
+        return replace(self, keypoint=self.known_keypoint, outlier=self.known_outlier)
 
 
 @dataclass(frozen=True)
@@ -110,6 +121,7 @@ class Observations:
         bone_sigma: (P,) error of their logarithm; NaN for that of the settings.
         up: (V, 3) normal of the floor in each photo, NaN without a floor.
         background: matches of pixels.
+        known: (V,) bool, cameras whose motions between each other are known; at least two, or none.
     """
 
     K: FloatArray
@@ -118,13 +130,14 @@ class Observations:
     points: FloatArray
     confidence: FloatArray
     landmarks: FloatArray
-    shown: np.ndarray[tuple[int, int], np.dtype[np.bool_]]
+    shown: BoolArray
     size_px: FloatArray
     limb: IntArray
     bones: IntArray
     bone_m: FloatArray
     bone_sigma: FloatArray
     up: FloatArray
+    known: BoolArray
     background: tuple[PixelMatches, ...] = ()
 
     @classmethod
@@ -143,6 +156,7 @@ class Observations:
                 [np.asarray(getattr(photo, name))[np.maximum(rows[:, v], 0)] for v, photo in enumerate(people)]
             )
 
+        known = np.array([photo.pose is not None for photo in people])
         names = people[0].skeleton.names
         bones = bones_of(names)
         landmarks = gather("landmarks")
@@ -162,6 +176,7 @@ class Observations:
             bone_m=mean,
             bone_sigma=np.full(len(mean), np.nan),
             up=np.stack([photo.up for photo in people]),
+            known=known & (known.sum() > 1),
             background=tuple(background),
         )
 
@@ -351,9 +366,11 @@ def _blocks(observations: Observations, state: Bundle, reference: int, settings:
     own_errors = _errors_of(observations.names)
     first_point, first_turn = 7 * views, 7 * views + state.points.size
     first_place = first_turn + state.place.size
+    known = np.flatnonzero(observations.known).tolist()
     blocks = [
-        # The frame is that of the reference camera.
-        _prior(np.zeros(6), 6 * reference, 1e-4),
+        # The frame is that of the reference camera, which is a known one if there are any.
+        *(_prior(np.zeros(6), 6 * v, _FIXED) for v in {reference, *known}),
+        *(_prior(np.zeros(1), 6 * views + v, _FIXED) for v in known),
         _focal_block(state.log_focal, observations.focal_sigma, 6 * views),
         # The place of a body is free; where a photo does not show the person, place and turn are without meaning.
         _prior(state.place.reshape(-1), first_place, 1e4),
@@ -366,7 +383,7 @@ def _blocks(observations: Observations, state: Bundle, reference: int, settings:
         turned = np.concatenate([-_cross(local), np.broadcast_to(np.eye(3), (joints, 3, 3))], axis=2)
         local = local + state.translation[v]
         by_point = np.broadcast_to(state.rotation[v], (joints, 3, 3))
-        blocks.append(keypoint_block(observations, state, v, p))
+        blocks.append(keypoint_block(observations, state, v, p, settings))
         middle = observations.landmarks[v, p].mean(axis=0)
         body = (observations.landmarks[v, p] - middle) @ state.turn[v, p].T
         away = local - body - middle - state.place[v, p]
@@ -386,14 +403,16 @@ def _blocks(observations: Observations, state: Bundle, reference: int, settings:
     return blocks
 
 
-def keypoint_block(observations: Observations, state: Bundle, view: int, person: int) -> Block:
+def keypoint_block(
+    observations: Observations, state: Bundle, view: int, person: int, settings: BundleSettings
+) -> Block:
     """Return the residuals of a person's keypoints in a photo; columns are camera (6), point (3) and focal length."""
     views, joints = len(state.rotation), state.points.shape[1]
     errors = measured_errors()
     turned = state.points[person] @ state.rotation[view].T
     uv, by_local, by_focal = _projection(turned + state.translation[view], observations.K[view], state.log_focal[view])
     confidence = observations.confidence[view, person]
-    unit = errors.keypoint_sigma(confidence) * observations.size_px[view, person]
+    unit = settings.keypoint * errors.keypoint_sigma(confidence) * observations.size_px[view, person]
     weight = np.sqrt(_errors_of(observations.names).share) * (confidence > 0) / unit
     seen = weight > 0
     jacobian = np.concatenate(

@@ -13,6 +13,7 @@ from physic_core.types import CameraTrust, SolvedCameras
 from physic_scene.bundle import Bundle, Observations, adjust, uncertainties
 from physic_scene.elsewhere import likeliest_elsewhere
 from physic_scene.rigid import Pose
+from physic_scene.triangulation import sizes_by_cameras
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, IntArray, Intrinsics
@@ -74,7 +75,8 @@ def _solution(
 ) -> SolvedCameras:
     """Return the cameras of all photos, NaN for skipped ones, and the people by their rows, elsewhere and moved."""
     sigmas = uncertainties(found.observations, found.bundle, found.reference, settings.bundle)
-    bundle = found.bundle.scaled(_scale(found.observations, found.bundle))
+    metric = bool(found.observations.known.any())  # known cameras have their scale
+    bundle = found.bundle if metric else found.bundle.scaled(_scale(found.observations, found.bundle))
     photos, index = chosen.photos, [photo.index for photo in chosen.photos]
 
     def of_all(values: Any, *, otherwise: Any = np.nan) -> Any:
@@ -101,6 +103,7 @@ def _solution(
         position_sigma=of_all(np.where(own, 0.0, [sigma.position_m for sigma in sigmas])),
         people=rows,
         points=points,
+        scale_sigma=0.0 if metric else None,
         elsewhere=elsewhere,
         moved=moved,
         skipped=chosen.left_out,
@@ -141,9 +144,11 @@ class _Adjusted:
 def _adjusted(chosen: ChosenPhotos, rows: IntArray, settings: SceneSettings) -> _Adjusted:
     people = [photo.people for photo in chosen.photos]
     reference = reference_photo(rows, people)
-    observations = _with_statures(Observations.of(people, rows, chosen.background), chosen, rows)
-    start = Bundle.start(observations, start_poses(chosen, reference))
-    bundle = adjust(observations, start, reference, settings.bundle)
+    poses = start_poses(chosen, reference)
+    observations = _sized(Observations.of(people, rows, chosen.background), chosen, rows, poses)
+    start = Bundle.start(observations, poses)
+    own = settings.bundle.for_known_cameras() if observations.known.any() else settings.bundle
+    bundle = adjust(observations, start, reference, own)
     return _Adjusted(reference, observations, bundle, keypoint_errors(observations, bundle))
 
 
@@ -181,10 +186,14 @@ def keypoint_errors(observations: Observations, bundle: Bundle) -> FloatArray:
 
 
 def reference_photo(rows: IntArray, people: Sequence[PhotoPeople]) -> int:
-    """Return the photo that shows most people of the scene, and of several the one that shows most of their bodies."""
+    """Return the photo that shows most people of the scene, and of several the one that shows most of their bodies.
+
+    Of photos of which some have known cameras, it is one of these.
+    """
     shown = rows >= 0
     seen = [photo.confidence[rows[shown[:, v], v]].sum() for v, photo in enumerate(people)]
-    return max(range(len(people)), key=lambda v: (shown[:, v].sum(), seen[v]))
+    known = [photo.pose is not None for photo in people]
+    return max(range(len(people)), key=lambda v: (known[v], shown[:, v].sum(), seen[v]))
 
 
 def _seen_elsewhere(found: _Adjusted, bad: BoolArray, settings: SceneSettings) -> tuple[int, int] | None:
@@ -220,8 +229,12 @@ def _view_that_does_not_fit(bad: BoolArray, errors: FloatArray) -> int | None:
 
 
 def start_poses(chosen: ChosenPhotos, reference: int) -> list[Pose]:
-    """Return poses of all cameras, along the pairs of photos with the highest scores."""
+    """Return poses of all cameras: known ones, and the others along the pairs of photos with the highest scores."""
     poses = {reference: Pose.identity()}
+    base = chosen.photos[reference].people.pose
+    for v, photo in enumerate(chosen.photos):
+        if base is not None and photo.people.pose is not None:
+            poses[v] = photo.people.pose.after(base.inverse())
     while len(poses) < len(chosen.photos):
         linked = ((a, b) for (a, b), match in chosen.matches.items() if match.pairs and (a in poses) != (b in poses))
         a, b = max(linked, key=lambda pair: (chosen.matches[pair].score, len(chosen.matches[pair].pairs)))
@@ -243,11 +256,14 @@ def known_statures(people: Sequence[PhotoPeople], rows: IntArray) -> FloatArray:
     return known
 
 
-def _with_statures(observations: Observations, chosen: ChosenPhotos, rows: IntArray) -> Observations:
-    """Return the observations with the sizes and bone lengths of people of known stature."""
-    known = known_statures([photo.people for photo in chosen.photos], rows)
+def _sized(observations: Observations, chosen: ChosenPhotos, rows: IntArray, poses: Sequence[Pose]) -> Observations:
+    """Return the observations with the sizes of people by known cameras, or else those of people of known stature."""
     bone_m, sigma = observations.bone_m.copy(), observations.bone_sigma.copy()
     landmarks = observations.landmarks.copy()
+    if observations.known.any():
+        size = sizes_by_cameras(observations, poses)[:, None]
+        return replace(observations, landmarks=landmarks * size[..., None], bone_m=bone_m * size)
+    known = known_statures([photo.people for photo in chosen.photos], rows)
     for p in np.flatnonzero(np.isfinite(known)).tolist():
         shown = np.flatnonzero(rows[p] >= 0)
         estimated = np.array([chosen.photos[v].people.stature[rows[p, v]] for v in shown])

@@ -27,6 +27,20 @@ if TYPE_CHECKING:
     help="Camera in px of the upright photo file, or - where unknown; once for each photo, in their order.",
 )
 @click.option(
+    "--cameras",
+    "calibration",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Calibrated cameras of some or all photos: TOML, Colmap's folder, Pose2Sim's TOML or CMU Panoptic's JSON.",
+)
+@click.option(
+    "--camera-unit",
+    "unit_m",
+    metavar="METRES",
+    type=click.FloatRange(min=0, min_open=True),
+    help="Length of the unit of --cameras; a centimetre for CMU Panoptic's, otherwise a metre.",
+)
+@click.option(
     "--stature",
     metavar="METRES,...",
     help="Known standing heights: one for all people, or from left to right in the first photo, 0 where unknown.",
@@ -45,6 +59,8 @@ def scene(
     preset: str | None,
     overrides: tuple[str, ...],
     intrinsics: tuple[str, ...],
+    calibration: Path | None,
+    unit_m: float | None,
     stature: str | None,
     age: str | None,
     quiet: bool,
@@ -63,6 +79,7 @@ def scene(
     from physic_core.cli.output_folder import reserve_folder
     from physic_core.cli.result_summary import print_summary
     from physic_core.errors import InputError
+    from physic_scene.calibration import read_calibration
     from physic_scene.output import MOMENT_FILE, POINTS_FILE, save_scene
     from physic_scene.scene import Scene
 
@@ -72,7 +89,8 @@ def scene(
         raise InputError(str(error)) from error
     if missing := [photo for photo in photos if not photo.exists()]:
         raise InputError(f"there is no file {missing[0]}: name two to eight photos of one moment")
-    sized, digests = _read(photos, cameras)
+    sizes, digests = _read(photos)
+    known_cameras = None if calibration is None else read_calibration(calibration, photos, sizes, unit_m)
     all_photos = " ".join(digests)
 
     def progress(name: str, done: int, total: int) -> None:
@@ -83,7 +101,9 @@ def scene(
         reserve_folder(out, all_photos, overwrite=overwrite, beside=(MOMENT_FILE, POINTS_FILE)),
         Scene(load_config(file, preset=preset, overrides=overrides)) as solver,
     ):
-        result = solver(photos, intrinsics=sized, known=known, progress=progress)
+        result = solver(
+            photos, intrinsics=_sized(cameras, sizes), cameras=known_cameras, known=known, progress=progress
+        )
         save_scene(result, str(out), overwrite=overwrite, page=_page(result, quiet=quiet), photos=all_photos)
     for one in result.left_out:
         echo(f"warning: {one.message}", err=True)
@@ -129,30 +149,29 @@ def _cameras(given: tuple[str, ...], photos: int) -> list[tuple[float, ...] | No
     return found
 
 
-def _read(
-    photos: tuple[Path, ...], cameras: list[tuple[float, ...] | None]
-) -> tuple[list[Intrinsics | None] | None, set[str]]:
-    """Return the cameras with the sizes of their upright photos, None if no camera is known, and the photos' digests.
+def _read(photos: tuple[Path, ...]) -> tuple[list[tuple[int, int]], set[str]]:
+    """Return width and height of the upright photo files, px, and the photos' digests.
 
     Raises:
         InputError: a photo cannot be read, which is known before the first one is reconstructed.
     """
-    from physic_core import Intrinsics
     from physic_core.io.photo import read_source
+
+    found = [read_source(path) for path in photos]
+    sizes = [photo.file_size or (photo.image.shape[1], photo.image.shape[0]) for photo in found]
+    return sizes, {part for photo in found for part in photo.digest.split()}
+
+
+def _sized(cameras: list[tuple[float, ...] | None], sizes: list[tuple[int, int]]) -> list[Intrinsics | None] | None:
+    """Return the cameras with the sizes of their photos, None if no camera is known."""
+    from physic_core import Intrinsics
     from physic_core.types import CameraTrust
 
     found: list[Intrinsics | None] = []
-    digests: set[str] = set()
-    for path, camera in zip(photos, cameras, strict=True):
-        photo = read_source(path)
-        digests.update(photo.digest.split())
-        if camera is None:
-            found.append(None)
-            continue
-        width, height = photo.file_size or photo.image.shape[1::-1]
-        fx, fy, cx, cy = camera
-        found.append(Intrinsics(fx, fy, cx, cy, width, height, trust=CameraTrust.KNOWN))
-    return found if any(cameras) else None, digests
+    for camera, (width, height) in zip(cameras, sizes, strict=True):
+        fx, fy, cx, cy = camera or (1.0, 1.0, 0.0, 0.0)
+        found.append(Intrinsics(fx, fy, cx, cy, width, height, trust=CameraTrust.KNOWN) if camera else None)
+    return found if any(cameras) else None
 
 
 def _table(result: SceneResult) -> str:

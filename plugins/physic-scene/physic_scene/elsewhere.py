@@ -54,7 +54,7 @@ def _placed_anew(observations: Observations, bundle: Bundle, view: int, person: 
     def at(place: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
         points = bundle.points.copy()
         points[person] += place
-        block = keypoint_block(observations, replace(bundle, points=points), view, person)
+        block = keypoint_block(observations, replace(bundle, points=points), view, person, settings)
         weight, found = robust_weights(block, settings.outlier)
         jacobian = block.jacobian[:, :, 6:9]
         normal = np.einsum("nij,n,nik->jk", jacobian, weight, jacobian)

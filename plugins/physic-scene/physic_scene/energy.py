@@ -56,12 +56,14 @@ class OtherViews(ShortRepr):
         photos: (N,) their number.
         floors: (2, 4) normal and offset of the floor of the reference photo alone, at the solved scale, and of that of
             all photos; None if the reference photo or all others have no floor.
+        known_scale: whether known cameras give the scale of the scene, which then stays.
     """
 
     vertex: Tensor
     contact: Tensor
     photos: Tensor
     floors: Tensor | None = None
+    known_scale: bool = False
 
 
 @dataclass(frozen=True)
@@ -158,7 +160,8 @@ def with_other_views(settings: EngineSettings, views: OtherViews, errors: Keypoi
         return {field.name: getattr(part, field.name) for field in fields(part)}  # type: ignore[arg-type]
 
     keypoints = replace(settings.joint.reprojection, sigma=errors.sigma, outlier_sigmas=errors.outlier_sigmas)
-    joint = replace(settings.joint, reprojection=keypoints)
+    frozen = (*settings.joint.frozen, "scale") if views.known_scale else settings.joint.frozen
+    joint = replace(settings.joint, reprojection=keypoints, frozen=frozen)
     placement = ViewsPlacement(**taken(settings.placement), views=views)  # type: ignore[arg-type]
     scene = ViewsScene(**taken(settings.scene), views=views)  # type: ignore[arg-type]
     contact = ViewsContact(**taken(settings.contact), views=views)  # type: ignore[arg-type]

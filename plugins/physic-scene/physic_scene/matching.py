@@ -258,7 +258,9 @@ def compare_places(
 
 
 def relative_motion(one: PhotoPeople, two: PhotoPeople, pairs: Pairs) -> Pose:
-    """Return the motion between the cameras that fits matched people: turns by their poses, and by their places."""
+    """Return the known motion between the cameras, or the one that fits matched people: their poses and places."""
+    if one.pose is not None and two.pose is not None:
+        return two.pose.after(one.pose.inverse())
     i, j = (np.array([pair[k] for pair in pairs], np.int64) for k in (0, 1))
     a, b = one.joints[i, :_BODY], two.joints[j, :_BODY]
     inner = [x - x[:, :1] for x in (a, b)]

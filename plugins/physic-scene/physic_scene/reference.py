@@ -49,6 +49,7 @@ _STAND_M = 0.03  # error of that point
 _FLOOR_DEG = 4.0  # error of the mean normal
 _REWEIGHTINGS = 8
 _OTHER_SIGMA = 0.03  # of the scale by everything else
+_KNOWN_SCALE = 1e-3  # of the scale by known cameras
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,9 @@ class ReferenceInput(ShortRepr):
         result = photos[v].result
         scale = scene_scales(solved)[v]
         depth = np.where(result.scene.valid, scale * result.scene.points[..., 2], np.nan).astype(np.float32)
-        sigma = float(np.hypot(STATURE_SIGMA / np.sqrt(len(solved.rows)), _OTHER_SIGMA))
+        sigma = solved.scale_sigma
+        if sigma is None:
+            sigma = float(np.hypot(STATURE_SIGMA / np.sqrt(len(solved.rows)), _OTHER_SIGMA))
         parts = [person.parameters for person in people]
         parameters = BodyParameters(
             **{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])}
@@ -111,7 +114,7 @@ class ReferenceInput(ShortRepr):
             scores=np.array(
                 [max(photos[w].result.people[row].score for w, row in person.shown.items()) for person in people]
             ),
-            depth=DepthMap(depth, camera, sigma, (f"scale and cameras from {len(photos)} photos",)),
+            depth=DepthMap(depth, camera, max(sigma, _KNOWN_SCALE), (f"scale and cameras from {len(photos)} photos",)),
             views=tuple(_view(solved, people, w) for w in range(len(photos)) if w != v),
             alone=_alone(solved, people, parameters, model),
             statures=np.array(
@@ -366,4 +369,5 @@ def _alone(
         contact=torch.from_numpy(contact),
         photos=torch.from_numpy(count),
         floors=None if floors is None else torch.from_numpy(floors),
+        known_scale=bool(solved.observations.known.any()),
     )

@@ -50,6 +50,7 @@ def assemble(
     shared = "1 person" if len(solved.rows) == 1 else f"{len(solved.rows)} people"
     notes = (
         f"cameras of {len(photos)} photos from {shared}; the frame is that of {photos[v].name}",
+        *_known_cameras(solved),
         *solved.notes,
         *moved,
         *others,
@@ -70,6 +71,16 @@ def assemble(
         notes=(notes[0], *left_out, *moved),
         diagnostics=dict(solved.diagnostics),
     )
+
+
+def _known_cameras(solved: SolvedScene) -> list[str]:
+    """Return a sentence about which cameras are known, if some are."""
+    known = [photo.name for photo in solved.photos if photo.view.pose is not None]
+    others = [photo.name for photo in solved.photos if photo.view.pose is None]
+    if len(known) == 1:
+        return [f"the known pose of {known[0]} is not used: it takes two"]
+    also = f"; those of {', '.join(others)} are solved" if others else ""
+    return [f"the poses of {', '.join(known)} are known, and give the scale{also}"] if known else []
 
 
 def _solved_views(solved: SolvedScene, cameras: Sequence[CameraPose]) -> list[SolvedView]:

@@ -14,6 +14,7 @@ from physic_core.body import load_body
 from physic_core.errors import BackendError, InputError, NoPersonError
 from physic_core.types import KnownSizes, SkippedPhoto
 from physic_scene.ages import ages_of_photos, ages_of_scene, check_ages
+from physic_scene.calibration import KnownCamera
 from physic_scene.energy import require_default_engine
 from physic_scene.people import people_of_scene
 from physic_scene.reference import ReferenceInput, solve_reference
@@ -21,6 +22,7 @@ from physic_scene.result import assemble
 from physic_scene.settings import SceneSettings
 from physic_scene.solved import ScenePhoto, SolvedScene
 from physic_scene.solver import solver_options
+from physic_scene.triangulation import rig_unit
 
 if TYPE_CHECKING:
     import os
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
     from physic_core import Config
     from physic_core.body.model import BodyModel
     from physic_core.interfaces import Backend, CameraSolver
-    from physic_core.types import Intrinsics, Reconstruction
+    from physic_core.types import FloatArray, Intrinsics, Reconstruction
     from physic_scene.types import SceneResult
 
     PhotoSource = Any
@@ -39,6 +41,8 @@ if TYPE_CHECKING:
 FEWEST, MOST = 2, 8
 """Numbers of photos."""
 
+_UNITS = {"millimetres": 0.001, "centimetres": 0.01, "inches": 0.0254, "feet": 0.3048}
+_OTHER_UNIT = 1.5  # larger factors are no error of people's sizes
 _SOLVER = "physic-scene:people"  # where the configuration has no camera_solver
 
 
@@ -86,6 +90,7 @@ class Scene:
         photos: Sequence[PhotoSource],
         *,
         intrinsics: Sequence[Intrinsics | None] | None = None,
+        cameras: Sequence[KnownCamera | None] | None = None,
         known: KnownSizes | None = None,
         progress: Progress | None = None,
     ) -> SceneResult:
@@ -95,54 +100,66 @@ class Scene:
             photos: two to eight photos of the moment, each as for :class:`physic_core.Pipeline`. People may hold still
                 between photos.
             intrinsics: camera of each upright photo, px, or None where unknown; None if no camera is known.
+            cameras: calibrated camera of each photo, in place of ``intrinsics``, or None where unknown; poses of two or
+                more stay as they are, and give the scale. :func:`physic_scene.read_calibration` reads files.
             known: sizes that are known in the first photo; its statures give the scale of the scene. One age or stature
                 is that of all people of all photos; several are those of the people of the first photo from left to
                 right. With several ages, the photos are reconstructed first without them, to find these people.
             progress: called when each stage begins.
 
         Returns:
-            Everything in metres in the frame of the reference camera: that of the photo that shows most people.
+            Everything in metres in the frame of the reference camera: that of the photo that shows most people. It is
+            one of known pose if there are any.
 
         Raises:
-            InputError: there are too few or too many photos, or fewer than two show the same people.
+            InputError: there are too few or too many photos, fewer than two show the same people, or known poses are
+                not in metres.
             ConfigError: ``engine.preset`` is not "default".
             PhysicError: a photo cannot be reconstructed alone; see :class:`physic_core.Pipeline`.
         """
-        _check_number(len(photos), intrinsics)
+        _check_number(len(photos), intrinsics=intrinsics, cameras=cameras)
         require_default_engine(self._pipeline.config.engine.settings())
         known, names = known or KnownSizes(), _unique([_name(photo, i) for i, photo in enumerate(photos)])
 
         def alone(i: int, age: tuple[float, ...]) -> Reconstruction | None:
-            camera = None if intrinsics is None else intrinsics[i]
+            camera = calibrated[i] if calibrated[i] is not None else None if intrinsics is None else intrinsics[i]
             stature = known.stature if len(known.stature) == 1 else ()
             sizes = replace(known, age=age) if i == 0 else KnownSizes(stature=stature, age=age)
-            return self.alone(photos[i], intrinsics=camera, known=sizes or None, progress=progress)
+            return self.alone(photos[i], camera=camera, known=sizes or None, progress=progress)
 
+        calibrated = [None] * len(photos) if cameras is None else list(cameras)
+        poses = [None if camera is None else camera.pose for camera in calibrated]
         several = len(known.age) > 1
         results = []
         for i in range(len(photos)):
             results.append(alone(i, () if several else known.age))
             check_ages(known.age, names[0], results[0])
         step = progress or (lambda name, done, total: None)
-        solved = self._cameras(results, names, known.stature, step)
+        solved = self._cameras(results, names, known.stature, poses, step)
         if several:
             config = self._pipeline.config.photo
             prompted = bool(config.person or config.box or config.masks)
             ages = ages_of_photos(known.age, solved, prompted=prompted)
             again = [alone(i, ages[i]) if i in ages else result for i, result in enumerate(results)]
             _require_same_people(results, again, names)
-            solved = self._cameras(again, names, known.stature, step)
+            solved = self._cameras(again, names, known.stature, poses, step)
         return self._solve(solved, step)
 
     def alone(
         self,
         photo: PhotoSource,
         *,
-        intrinsics: Intrinsics | None = None,
+        camera: Intrinsics | KnownCamera | None = None,
         known: KnownSizes | None = None,
         progress: Progress | None = None,
     ) -> Reconstruction | None:
-        """Reconstruct one photo alone, for :meth:`join`; arguments are those of :class:`physic_core.Pipeline`.
+        """Reconstruct one photo alone, for :meth:`join`; other arguments are those of :class:`physic_core.Pipeline`.
+
+        Args:
+            photo: as of :meth:`__call__`.
+            camera: of the upright photo, px, perhaps with the distortion of its lens.
+            known: sizes.
+            progress: called when each stage begins.
 
         Returns:
             The result, or None if nobody is in the photo and the config requires people.
@@ -150,8 +167,16 @@ class Scene:
         Raises:
             PhysicError: the photo cannot be reconstructed.
         """
+        settings: dict[str, Any] = {}
+        if isinstance(camera, KnownCamera):
+            lens, camera = camera.lens, camera.lens.intrinsics
+            if any(lens.distortion):
+                settings = {
+                    "intrinsics": [camera.fx, camera.fy, camera.cx, camera.cy],
+                    "distortion": list(lens.distortion),
+                }
         try:
-            return self._pipeline(photo, intrinsics=intrinsics, known=known, progress=progress)
+            return self._pipeline(photo, intrinsics=camera, known=known, settings=settings, progress=progress)
         except NoPersonError:
             return None
 
@@ -161,6 +186,7 @@ class Scene:
         names: Sequence[str] | None = None,
         *,
         statures: Sequence[float] = (),
+        poses: Sequence[FloatArray | None] | None = None,
         progress: Progress | None = None,
     ) -> SceneResult:
         """Reconstruct one moment from the results of its photos alone, which this configuration has made.
@@ -170,16 +196,19 @@ class Scene:
             names: of the photos.
             statures: known standing heights, metres: one for all people, or one per person of the first photo from
                 left to right, 0 where unknown.
+            poses: (4, 4) of each camera to a calibrated rig, metres, or None where unknown; None if none is known. The
+                results have the intrinsics of the same calibration.
             progress: called when each stage begins.
 
         Raises:
-            InputError: there are too few or too many photos, or fewer than two show the same people.
+            InputError: there are too few or too many photos, fewer than two show the same people, or known poses are
+                not in metres.
             PhysicError: the reference photo cannot be reconstructed.
         """
-        _check_number(len(results), None)
+        _check_number(len(results), poses=poses)
         step = progress or (lambda name, done, total: None)
         names = _unique(names if names is not None else [f"photo {i + 1}" for i in range(len(results))])
-        return self._solve(self._cameras(results, names, statures, step), step)
+        return self._solve(self._cameras(results, names, statures, poses or [None] * len(results), step), step)
 
     def _body(self) -> BodyModel:
         return load_body(self._pipeline.config.body_model.source).to(dtype=torch.float64)
@@ -201,12 +230,13 @@ class Scene:
         results: Sequence[Reconstruction | None],
         names: Sequence[str],
         statures: Sequence[float],
+        poses: Sequence[FloatArray | None],
         progress: Progress,
     ) -> SolvedScene:
         progress("cameras", 1, 3)
         model, several = self._body(), len(statures) > 1
         photos = [
-            ScenePhoto.of(i, names[i], result, model, statures if i == 0 or not several else ())
+            ScenePhoto.of(i, names[i], result, model, statures if i == 0 or not several else (), poses[i])
             for i, result in enumerate(results)
             if result is not None
         ]
@@ -221,6 +251,7 @@ class Scene:
                 f"a moment needs two photos, and {rest}; {'; '.join(one.message for one in empty)}: give two different "
                 "photos that show the same people"
             )
+        _check_unit(rig_unit([photo.people for photo in photos], self._settings.fit.keypoint))
         solution = self._solver()(tuple(photo.view for photo in photos))
         solved = SolvedScene.of(solution, photos, model)
         solved = replace(solved, left_out=(*empty, *solved.left_out))
@@ -262,6 +293,7 @@ def reconstruct_scene(
     config: Config | Mapping[str, Any] | str | os.PathLike[str] | None = None,
     *,
     intrinsics: Sequence[Intrinsics | None] | None = None,
+    cameras: Sequence[KnownCamera | None] | None = None,
     known: KnownSizes | None = None,
     progress: Progress | None = None,
 ) -> SceneResult:
@@ -270,15 +302,31 @@ def reconstruct_scene(
     Arguments, result and errors are those of :class:`Scene` and its call.
     """
     with Scene(config) as scene:
-        return scene(photos, intrinsics=intrinsics, known=known, progress=progress)
+        return scene(photos, intrinsics=intrinsics, cameras=cameras, known=known, progress=progress)
 
 
-def _check_number(count: int, intrinsics: Sequence[object] | None) -> None:
+def _check_unit(unit_m: float | None) -> None:
+    """Check that the unit of known poses, as people show it, is the metre.
+
+    Raises:
+        InputError: it is not.
+    """
+    if unit_m is not None and not 1 / _OTHER_UNIT < unit_m < _OTHER_UNIT:
+        near = {name: length for name, length in _UNITS.items() if 1 / _OTHER_UNIT < unit_m / length < _OTHER_UNIT}
+        name, length = next(iter(near.items()), (f"{unit_m:.2g} m", unit_m))
+        raise InputError(
+            f"the known cameras are not in metres: by the sizes of the people, their unit is {unit_m:.2g} m, which "
+            f"looks like {name}; give --camera-unit {length:.2g} (unit_m of read_calibration in Python)"
+        )
+
+
+def _check_number(count: int, **of_photos: Sequence[object] | None) -> None:
     if not FEWEST <= count <= MOST:
         cure = "choose the clearest ones" if count > MOST else "add others; `physic run` takes one photo"
         raise InputError(f"a scene needs {FEWEST} to {MOST} photos of one moment, got {count}: {cure}")
-    if intrinsics is not None and len(intrinsics) != count:
-        raise InputError(f"give intrinsics for each of the {count} photos, None where unknown, got {len(intrinsics)}")
+    for name, values in of_photos.items():
+        if values is not None and len(values) != count:
+            raise InputError(f"give {name} for each of the {count} photos, None where unknown, got {len(values)}")
 
 
 def _unique(names: Sequence[str]) -> list[str]:

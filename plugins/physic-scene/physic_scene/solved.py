@@ -16,6 +16,7 @@ from physic_scene.bodies import MeanBodies, mean_bodies
 from physic_scene.bundle import Bundle, Observations
 from physic_scene.cameras import keypoint_errors, known_statures
 from physic_scene.observations import PhotoPeople, observe
+from physic_scene.triangulation import sizes_by_cameras
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
@@ -53,6 +54,7 @@ class ScenePhoto(ShortRepr):
         result: Reconstruction,
         model: BodyModel,
         statures: Sequence[float] = (),
+        pose: FloatArray | None = None,
     ) -> ScenePhoto:
         """Return a photo from its reconstruction.
 
@@ -62,6 +64,7 @@ class ScenePhoto(ShortRepr):
             result: of the photo alone.
             model: body model of its people, float64.
             statures: known heights, metres: one for all, or of its people from left to right, 0 where unknown.
+            pose: (4, 4) from the frame of its camera to that of a calibrated rig, metres; None where unknown.
         """
         rows = tuple(i for i, person in enumerate(result.people) if np.isfinite(person.vertices).all())
         view = _view(name, result, rows, model)
@@ -69,7 +72,7 @@ class ScenePhoto(ShortRepr):
         if len(statures):
             order = np.argsort((view.people.boxes[:, 0] + view.people.boxes[:, 2]) / 2, kind="stable")
             known[order] = np.resize(statures, len(rows))
-        view = replace(view, statures=np.where(known > 0, known, np.nan))
+        view = replace(view, statures=np.where(known > 0, known, np.nan), pose=pose)
         return cls(index, result, rows, view, observe(view, model))
 
 
@@ -126,6 +129,7 @@ class SolvedScene(ShortRepr):
         bodies: of the solved people.
         errors: (V, P) median distance of keypoints, as a share of the stature in px; NaN where not shown.
         statures: (P,) metres, known ones of the solved people, NaN where unknown.
+        scale_sigma: of the logarithm of all lengths; None if it is not known.
         notes: of the solver.
         diagnostics: of the solver.
     """
@@ -144,6 +148,7 @@ class SolvedScene(ShortRepr):
     bodies: MeanBodies
     errors: FloatArray
     statures: FloatArray
+    scale_sigma: float | None
     notes: tuple[str, ...]
     diagnostics: Mapping[str, Any]
 
@@ -164,7 +169,11 @@ class SolvedScene(ShortRepr):
             turn=np.broadcast_to(np.eye(3), (*observations.shown.shape, 3, 3)),
             place=np.zeros((*observations.shown.shape, 3)),
         )
-        statures = known_statures(people, rows)
+        statures = sizes = known_statures(people, rows)
+        if observations.known.any():
+            factor = sizes_by_cameras(observations, [bundle.pose(v) for v in range(len(kept))])
+            alone = [np.mean([people[v].stature[row[v]] for v in np.flatnonzero(row >= 0)]) for row in rows]
+            sizes = np.where(np.isfinite(statures), statures, factor * alone)
         elsewhere, moved = solution.elsewhere, solution.moved
         index = [photo.index for photo in photos]
         return cls(
@@ -179,9 +188,10 @@ class SolvedScene(ShortRepr):
             intrinsics=tuple(solution.intrinsics[v] for v in kept),
             rotation_sigma=solution.rotation_sigma[kept],
             position_sigma=solution.position_sigma[kept],
-            bodies=mean_bodies(people, rows, observations, bundle, model, statures),
+            bodies=mean_bodies(people, rows, observations, bundle, model, sizes),
             errors=keypoint_errors(observations, bundle),
             statures=statures,
+            scale_sigma=solution.scale_sigma,
             notes=solution.notes,
             diagnostics=solution.diagnostics,
         )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -48,6 +50,7 @@ def observations(points, poses, rng, noise_px=0.0, background=()):
         bone_m=np.linalg.norm(points[:, bones[:, 0]] - points[:, bones[:, 1]], axis=-1),
         bone_sigma=np.full(len(points), np.nan),
         up=np.full((len(poses), 3), np.nan),
+        known=np.zeros(len(poses), bool),
         background=tuple(background),
     )
 
@@ -70,6 +73,22 @@ def test_cameras_and_points_are_recovered_from_a_rough_start(moment):
         assert angle_deg(found.rotation[v], pose.rotation) < 0.5
         assert np.linalg.norm(found.pose(v).centre - pose.centre) < 0.06
     assert np.linalg.norm(found.points - points, axis=-1).max() < 0.08
+
+
+def test_known_cameras_stay_and_points_have_their_scale(moment):
+    points, poses = moment
+    rng = np.random.default_rng(6)
+    seen = observations(points, poses, rng, noise_px=3.0)
+    known = replace(seen, known=np.array([True, False, True]))
+    start = [poses[0], rough(poses, rng)[1], poses[2]]
+    found = adjust(known, Bundle.start(known, start), 0)
+    for v in (0, 2):
+        assert np.allclose(found.rotation[v], poses[v].rotation, atol=1e-5)
+        assert np.allclose(found.translation[v], poses[v].translation, atol=1e-5)
+        assert abs(found.log_focal[v]) < 1e-5
+    assert angle_deg(found.rotation[1], poses[1].rotation) < 1
+    spread = [np.linalg.norm(x - x.mean(1, keepdims=True)) for x in (found.points, points)]
+    assert spread[0] == pytest.approx(spread[1], rel=0.01)
 
 
 @pytest.mark.parametrize("moved_m", [0.0, 0.7])

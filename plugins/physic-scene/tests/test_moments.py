@@ -90,6 +90,44 @@ def test_a_known_stature_is_that_of_the_result(solver, alone, statures):
     assert [size["given"] for size in result.diagnostics["known_sizes"]] == [1.65] * (3 - len(statures))
 
 
+@pytest.fixture(scope="module")
+def poses(worlds):
+    """Return the true poses (4, 4) of the cameras of the worlds."""
+    found = []
+    for world in worlds:
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = world.camera.rotation.T, world.camera.position
+        found.append(pose)
+    return found
+
+
+@pytest.mark.parametrize("known", [(0, 1, 2), (0, 2)])
+def test_known_cameras_stay_and_give_the_scale(solver, alone, worlds, poses, known):
+    given = [pose if v in known else None for v, pose in enumerate(poses)]
+    found = solver.join(alone, ["a.png", "b.png", "c.png"], poses=given)
+    assert found.reference in known
+    first = worlds[found.reference].camera
+    for camera in found.cameras:
+        true = worlds[camera.index].camera
+        away = np.linalg.norm(camera.centre - first.to_camera(true.position))
+        turn = angle_deg(camera.rotation, true.rotation @ first.rotation.T)
+        assert away < (1e-3 if camera.index in known else 0.5)
+        assert turn < (0.05 if camera.index in known else 10)
+    assert found.reconstruction.scene.scale == 1.0
+    names = ", ".join("abc"[v] + ".png" for v in known)
+    assert any(note.startswith(f"the poses of {names} are known, and give") for note in found.reconstruction.notes)
+
+
+def test_known_cameras_in_another_unit_are_refused(solver, alone, poses):
+    centimetres = [np.vstack([pose[:3] * [1, 1, 1, 100], pose[3]]) for pose in poses]
+    with pytest.raises(InputError) as error:
+        solver.join(alone, poses=centimetres)
+    assert str(error.value).startswith(
+        "the known cameras are not in metres: by the sizes of the people, their unit is 0."
+    )
+    assert "looks like centimetres; give --camera-unit 0.01" in str(error.value)
+
+
 def test_the_same_photo_twice_is_one_view(solver, alone):
     found = solver.join([alone[0], alone[1], alone[0]], ["a.png", "b.png", "again.png"])
     assert [(one.photo, one.reason) for one in found.left_out] == [("again.png", "same photo")]

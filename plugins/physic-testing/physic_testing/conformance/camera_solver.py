@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.interfaces.camera_solver import CameraSolver, CameraSolverRequest
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import expect
 from physic_testing.conformance.moment import build_moment, true_cameras
@@ -76,6 +78,21 @@ def check_points_are_the_keypoints(subject: BackendUnderTest) -> None:
     expect(worst < 0.1, "points within a tenth of the person's box from the keypoints", f"{worst:.2f} of the box")
 
 
+def check_known_poses_are_kept(subject: BackendUnderTest) -> None:
+    """Photos with known poses, two of three, keep the motion between them."""
+    case = subject.case("several people")
+    rotation, translation = true_cameras(case, 0)
+    photos = list(build_moment(case))
+    for v in (0, 2):
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = rotation[v].T, -rotation[v].T @ translation[v]
+        photos[v] = replace(photos[v], pose=pose)
+
+    found = subject.infer(subject.loaded(case), case, (tuple(photos),))
+    faults = list(CameraSolver.check(found, CameraSolverRequest(tuple(photos))))
+    expect(not faults, "the known motion between photos 0 and 2 of the moment 'several people'", "; ".join(faults))
+
+
 def _with_truth(subject: BackendUnderTest, name: str) -> tuple[SolvedCameras, list[int], FloatArray, FloatArray]:
     """Return a result, its photos that are not skipped, and the true rotations and translations."""
     found: SolvedCameras = subject.result(name)
@@ -101,6 +118,7 @@ CHECKS: tuple[Check, ...] = (
     Check(check_people_are_who_they_are, _READ),
     Check(check_rotations_are_from_the_reference, _READ),
     Check(check_camera_distances_are_metres, _READ, after=("rotations_are_from_the_reference",)),
+    Check(check_known_poses_are_kept, _READ, after=("camera_distances_are_metres",)),
     Check(check_points_are_the_keypoints, _READ, after=("camera_distances_are_metres",)),
 )
 """Checks of a CameraSolver, in order of execution."""
