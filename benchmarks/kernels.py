@@ -174,17 +174,15 @@ def answer(item: str, preset: str, size: list[int]) -> Answer:
     from physic_core.configuration.layers import is_path
     from physic_core.configuration.model import load_config
     from physic_core.errors import PhysicError
-    from physic_core.pipeline.run import reconstruct, reconstruct_photo
+    from physic_core.pipeline.run import reconstruct
     from physic_testing.worlds import WORLDS, build_world
 
     name, _, seed = item.rpartition(":")
     chosen = {"file": preset} if is_path(preset) else {"preset": preset}
     config = load_config(**chosen, overrides=["run.cache=false"])
     try:
-        if name in WORLDS:
-            result = reconstruct(build_world(name, int(seed), (size[0], size[1])).image, config)
-        else:
-            result = reconstruct_photo(item, config)
+        photo = build_world(name, int(seed), (size[0], size[1])).image if name in WORLDS else item
+        result = reconstruct(photo, config)
     except PhysicError as error:
         return Answer(error=str(error))
     floor = result.scene.floor

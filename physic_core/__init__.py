@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from physic_core.io.saving import save_reconstruction
     from physic_core.pipeline.checks.views import with_cameras
     from physic_core.pipeline.loaded_backends import load_backend
-    from physic_core.pipeline.run import Pipeline, reconstruct, reconstruct_photo
+    from physic_core.pipeline.run import Pipeline, reconstruct
     from physic_core.types import (
         Intrinsics,
         KnownLength,
@@ -91,7 +91,6 @@ __all__ = [
     "load_reconstruction",
     "preview_png",
     "reconstruct",
-    "reconstruct_photo",
     "report_html",
     "save_reconstruction",
     "save_report",
@@ -111,7 +110,7 @@ _NAMES = {
     "physic_core.io.saving": "save_reconstruction",
     "physic_core.pipeline.checks.views": "with_cameras",
     "physic_core.pipeline.loaded_backends": "load_backend",
-    "physic_core.pipeline.run": "Pipeline reconstruct reconstruct_photo",
+    "physic_core.pipeline.run": "Pipeline reconstruct",
     "physic_core.types": "Intrinsics KnownLength KnownSizes PeoplePrompt Person Reconstruction Scene",
     "physic_core.types.exports": "ExportedFiles",
     "physic_core.visual.export.request": "ExportRequest",

@@ -19,7 +19,7 @@ from pathlib import Path
 from physic_bench.worlds.consistency import consistency, summarise
 from physic_core.body import load_body
 from physic_core.errors import PhysicError
-from physic_core.pipeline.run import reconstruct_photo
+from physic_core.pipeline.run import reconstruct
 
 SUFFIXES = {".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp", ".avif", ".heic"}
 HEADER = (
@@ -68,7 +68,7 @@ def main() -> int:
 def row(path: Path, config: str | None, out: Path | None, model) -> list[str]:
     """The cells of one photo, after its name."""
     start = time.perf_counter()
-    result = reconstruct_photo(path, config)
+    result = reconstruct(path, config)
     seconds = time.perf_counter() - start - sum(stage.load_seconds for stage in result.stages)
     if out is not None:
         result.save(str(out / path.name))

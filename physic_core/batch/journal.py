@@ -1,14 +1,12 @@
 """The journal of a batch: one JSON line per photo that was tried, appended and never changed.
 
 The last line of an id counts. Lines of one file follow each other in time; of several files, as shards have them, the
-line of the run with the larger number is the later one. No clock decides: machines may have different ones. Each line
-has a checksum. A damaged or truncated line is ignored. A photo that failed before such a line is tried again, since the
-line may have stated its success: see :class:`JournalRows`.
+line of the run with the larger number is the later one. No clock decides: machines may have different ones. A damaged
+or truncated line is ignored.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
@@ -108,8 +106,7 @@ class Journal:
         Raises:
             OutputError: the disk is full, or the file cannot be written.
         """
-        content = to_json({**row, "run": self._run}, digits=9)
-        line = json.dumps({**content, "checksum": row_checksum(content)}, ensure_ascii=True, allow_nan=False)
+        line = json.dumps(to_json({**row, "run": self._run}, digits=9), ensure_ascii=True, allow_nan=False)
         try:
             self._file.write(f"{line}\n".encode())
             self._file.flush()
@@ -130,13 +127,6 @@ class Journal:
         )
 
 
-def row_checksum(row: Mapping[str, Any]) -> str:
-    """Return the SHA-256 of a row as JSON with sorted keys, without its own checksum."""
-    content = {key: value for key, value in row.items() if key != "checksum"}
-    text = json.dumps(content, ensure_ascii=True, sort_keys=True, separators=(",", ":"))
-    return f"sha256:{hashlib.sha256(text.encode()).hexdigest()}"
-
-
 @dataclass(frozen=True)
 class JournalRows:
     """Rows of all journals of a folder.
@@ -144,19 +134,12 @@ class JournalRows:
     Attributes:
         last: the last row of each id.
         damaged: number of damaged or truncated lines.
-        unsure: ids of failed photos for which a later, damaged line may state success.
         run: largest number of a run; 0 without rows.
     """
 
     last: Mapping[str, dict[str, Any]]
     damaged: int
-    unsure: frozenset[str]
     run: int = 0
-
-
-def read_rows(folder: Path, columns: Iterable[str] | None = None) -> Mapping[str, dict[str, Any]]:
-    """Read the last row of each id from all journals of a folder, or only some columns of it."""
-    return read_journals(folder, columns).last
 
 
 def read_journals(folder: Path, columns: Iterable[str] | None = None) -> JournalRows:
@@ -166,23 +149,18 @@ def read_journals(folder: Path, columns: Iterable[str] | None = None) -> Journal
     """
     found: dict[str, dict[str, Any]] = {}
     places: dict[str, _Place] = {}
-    failed: set[str] = set()
-    unsure: set[str] = set()
     damaged = last_run = 0
     wanted = None if columns is None else {*columns, "id"}
     for place, row in _lines(folder):
         if row is None:
             damaged += 1
-            unsure |= failed
             continue
         item = row["id"]
         last_run = max(last_run, place.run)
         if item not in places or place.follows(places[item]):
             places[item] = place
             found[item] = row if wanted is None else {name: row[name] for name in wanted & row.keys()}
-            unsure.discard(item)
-            (failed.add if row["state"] == "failed" else failed.discard)(item)
-    return JournalRows(found, damaged, frozenset(unsure), last_run)
+    return JournalRows(found, damaged, last_run)
 
 
 def last_rows(folder: Path) -> Iterator[dict[str, Any]]:
@@ -229,7 +207,7 @@ def _row(line: bytes) -> dict[str, Any] | None:
         row = parse_json(line)
     except ValueError:
         return None
-    if not isinstance(row, dict) or row.get("checksum") != row_checksum(row):
+    if not isinstance(row, dict):
         return None
-    found = {name: from_json(value) for name, value in row.items() if name != "checksum"}
+    found = {name: from_json(value) for name, value in row.items()}
     return found if all(isinstance(found.get(name), str) for name in _ALWAYS) else None

@@ -53,7 +53,7 @@ def file_sizes_text(out: Path, folder: str, saving: Saving, *, thumbnails: bool)
     return " ".join(f"{name}={path.stat().st_size}" for name, path in paths.items())
 
 
-def is_complete(out: Path, folder: str, row: Mapping[str, Any], saving: Saving, *, verify: bool = False) -> bool:
+def is_complete(out: Path, folder: str, row: Mapping[str, Any], saving: Saving) -> bool:
     """Return whether the files that the row of a finished photo names are there with their sizes.
 
     A file of another size counts if its digest is that of ``reconstruction.json``: a report that is added later
@@ -64,15 +64,13 @@ def is_complete(out: Path, folder: str, row: Mapping[str, Any], saving: Saving, 
         folder: of the photo, relative to ``out``.
         row: of the journal.
         saving: what was saved.
-        verify: whether to compare digests even where sizes agree.
     """
     sizes = {name: int(size) for name, _, size in (text.partition("=") for text in str(row.get("files", "")).split())}
     sizes.pop(_THUMBNAIL, None)
     different = [name for name in sizes if _size(out / folder / name) != sizes[name]]
     if saving.level == "summary":
         return not different  # the caller compares the digest of the one main file
-    names = {*sizes, *_names(out / folder)} if verify else different
-    return not names or _have_their_digests(out / folder, names)
+    return not different or _have_their_digests(out / folder, different)
 
 
 def names_of_files(row: Mapping[str, Any]) -> tuple[str, ...]:

@@ -50,9 +50,7 @@ class BatchPlan:
     lost: int = 0
 
 
-def plan_batch(
-    items: Iterable[PhotoItem], job: BatchJob, *, retry_failed: bool = False, verify: bool = False
-) -> BatchPlan:
+def plan_batch(items: Iterable[PhotoItem], job: BatchJob, *, retry_failed: bool = False) -> BatchPlan:
     """Compare the photos with the journals in the output folder.
 
     A photo is done anew if its content, the configuration, its settings or what is saved differ from its last row, or
@@ -63,7 +61,6 @@ def plan_batch(
         items: the photos.
         job: of the batch.
         retry_failed: whether photos that failed are done again.
-        verify: whether files of results are compared by digest, too; without it, by size.
     """
     journals = read_journals(Path(job.out), _NEEDED)
     rows = journals.last
@@ -77,10 +74,10 @@ def plan_batch(
         elif not _is_current(row, item, job):
             todo.append(item)
             count["changed"] += 1
-        elif not _has_its_files(row, item, job, verify=verify):
+        elif not _has_its_files(row, item, job):
             todo.append(replace(item, replaces=names_of_files(row)))
             count["lost"] += 1
-        elif row["state"] == "failed" and (retry_failed or item.id in journals.unsure):
+        elif row["state"] == "failed" and retry_failed:
             todo.append(item)
         else:
             count[row["state"]] += 1
@@ -158,10 +155,10 @@ def _is_current(row: Mapping[str, Any], item: PhotoItem, job: BatchJob) -> bool:
     return item.stamp[0] == row.get("bytes") and file_digest(item.path) == row.get("photo")
 
 
-def _has_its_files(row: Mapping[str, Any], item: PhotoItem, job: BatchJob, *, verify: bool) -> bool:
+def _has_its_files(row: Mapping[str, Any], item: PhotoItem, job: BatchJob) -> bool:
     out, folder = Path(job.out), photo_folder(item.id)
     # After a kill between a result and its row, the files are those of a later run with other settings.
     found = result_digest(out / folder, job.saving)
     if found != row.get("result") or (row["state"] == "done" and job.saving.main_file and not found):
         return False
-    return row["state"] == "failed" or is_complete(out, folder, row, job.saving, verify=verify)
+    return row["state"] == "failed" or is_complete(out, folder, row, job.saving)

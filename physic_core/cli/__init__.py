@@ -82,13 +82,11 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 _COMMANDS = {
     "batch": ("physic_core.cli.batch:batch", "Reconstruct many photos, resumably, in several processes."),
     "cache": ("physic_core.cli.cache:cache", "Show or clear the cache."),
-    "completion": ("physic_core.cli.completion:completion", "Print a completion script for bash, zsh or fish."),
     "config": ("physic_core.cli.config:config", "Check, show or create a configuration."),
     "export": ("physic_core.cli.export:export", "Export a result to Blender, Unity, MuJoCo, USD, MeshLab, ..."),
     "plugins": ("physic_core.cli.plugins:plugins", "List installed backends; show or test them; create a plugin."),
     "report": ("physic_core.cli.report:report", "Write a page of a result that opens in a browser."),
     "run": ("physic_core.cli.run:run", "Reconstruct people, scene and contact from PHOTO."),
-    "schema": ("physic_core.cli.schema:schema", "Print where the JSON Schema of reconstruction.json is."),
     "show": ("physic_core.cli.result_summary:show_result", "Print the people, grade and warnings of a saved result."),
     "weights": ("physic_core.cli.weights:weights", "List, download and verify the weights that plugins need."),
 }

@@ -15,8 +15,6 @@ import click
 from physic_core.errors import ConfigError
 
 if TYPE_CHECKING:
-    from click.shell_completion import CompletionItem
-
     from physic_core.io.saved_files import Saving
 
 
@@ -29,9 +27,6 @@ class AnyPath(click.ParamType[Path]):
         if not str(value):
             self.fail("it is empty: name a file or a folder", param, ctx)
         return Path(value)
-
-    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        return complete_files(ctx, param, incomplete)
 
 
 class SavedFiles(click.ParamType["Saving"]):
@@ -47,22 +42,6 @@ class SavedFiles(click.ParamType["Saving"]):
         except ConfigError as error:
             self.fail(str(error), param, ctx)
 
-    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        from click.shell_completion import CompletionItem
-
-        from physic_core.io.saved_files import EXTRAS, LEVELS
-
-        begun, plus, _ = incomplete.rpartition("+")
-        words = [f"{begun}+{extra}" for extra in EXTRAS] if plus else LEVELS
-        return [CompletionItem(word) for word in words if word.startswith(incomplete)]
-
-
-def complete_files(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Let the shell complete a word to the name of a file."""
-    from click.shell_completion import CompletionItem
-
-    return [CompletionItem(incomplete, type="file")]
-
 
 def configuration_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add --config, --preset and --set to a command, which gets them as ``file``, ``preset`` and ``overrides``."""
@@ -77,7 +56,6 @@ def preset_options(command: Callable[..., Any]) -> Callable[..., Any]:
         "--preset",
         metavar="NAME",
         callback=_refuse_file,
-        shell_complete=_complete_presets,
         help="Preset to build on.  [default: embedded]",
     )
     several = "Change one value; may be repeated."
@@ -90,12 +68,6 @@ def _refuse_file(ctx: click.Context, parameter: click.Parameter, preset: str | N
         name = file.opts[0] if isinstance(file, click.Option) else file.human_readable_name
         raise click.UsageError(f'--preset cannot be combined with {name}: write extends = "NAME" into the file')
     return preset
-
-
-def _complete_presets(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
-    from physic_core.configuration.model import preset_names
-
-    return [name for name in preset_names() if name.startswith(incomplete)]
 
 
 def one_photo(given: tuple[str, ...]) -> Path:

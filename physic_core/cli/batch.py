@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from physic_core.cli.arguments import SavedFiles, complete_files, configuration_options
+from physic_core.cli.arguments import SavedFiles, configuration_options
 from physic_core.cli.output import echo
 from physic_core.configuration.quoting import printable
 
@@ -22,7 +22,7 @@ _SAVE = "Files of each photo, as of physic run; summary: none. +preview, +glb, +
 
 
 @click.command()
-@click.argument("photos", nargs=-1, required=True, shell_complete=complete_files)
+@click.argument("photos", nargs=-1, required=True)
 @click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="Folder for all results.")
 @click.option("--workers", type=click.IntRange(1, 1024), help="Processes.  [default: by cores and memory]")
 @click.option("--save", "saving", type=SavedFiles(), default="numbers", show_default=True, help=_SAVE)
@@ -40,7 +40,6 @@ _SAVE = "Files of each photo, as of physic run; summary: none. +preview, +glb, +
 @click.option("--retry", type=click.Choice(("failed",)), help="Also try the photos that failed before.")
 @click.option("--limit", metavar="N", type=click.IntRange(1), help="Do at most N photos now.")
 @click.option("--dry-run", is_flag=True, help="Print the photos that would be done, one a line, and write nothing.")
-@click.option("--verify", is_flag=True, help="Compare files of earlier results by SHA-256, not by size alone.")
 @click.option("--shard", metavar="I/N", help="Do only the I-th of N parts, such as 3/16.")
 @click.option("--cache", is_flag=True, help="Use the cache of backends' outputs, which is off in batches.")
 @click.option("--executor", metavar="NAME", default="local", show_default=True, help="local, or a plugin's, as ray.")
@@ -82,7 +81,7 @@ def batch(
     if any(item.others for item in items):
         require_moments()
     job = _job(out, options, write=not dry_run)
-    plan = plan_batch(items, job, retry_failed=options["retry"] is not None, verify=options["verify"])
+    plan = plan_batch(items, job, retry_failed=options["retry"] is not None)
     todo = plan.todo[:limit]
     now = f"; {len(todo):,} of them now (--limit)" if len(todo) < len(plan.todo) else ""
     echo("\n".join(filter(None, (listed.describe_skipped(), _describe(plan, len(items)) + now))), err=True)
@@ -206,9 +205,9 @@ def _duration(seconds: float) -> str:
 
 
 def _summary(out: Path, items: list[Any]) -> str:
-    from physic_core.batch.journal import read_rows
+    from physic_core.batch.journal import read_journals
 
-    rows, wanted = read_rows(out, ("state", "error")), {item.id for item in items}
+    rows, wanted = read_journals(out, ("state", "error")).last, {item.id for item in items}
     states = Counter(row["state"] for name, row in rows.items() if name in wanted)
     errors = Counter(row["error"] for name, row in rows.items() if name in wanted and row["error"])
     reasons = ", ".join(f"{number} {error}" for error, number in errors.most_common())

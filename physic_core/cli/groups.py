@@ -50,7 +50,7 @@ class ExtensibleGroup(click.Group):
         """Import and return a command of the core or of a plugin, or None if no command has this name.
 
         Raises:
-            PluginError: the plugin is broken; while a shell completes a word, its command is an empty one.
+            PluginError: the plugin is broken.
         """
         if cmd_name in self.own:
             module, _, attribute = self.own[cmd_name][0].partition(":")
@@ -59,14 +59,7 @@ class ExtensibleGroup(click.Group):
         command = self._plugin_commands().get(cmd_name)
         if command is None:
             return None
-        from physic_core.errors import PluginError
-
-        try:
-            return _load(command)
-        except PluginError:
-            if ctx.resilient_parsing:  # a shell completes a word
-                return click.Command(cmd_name, hidden=True, add_help_option=False)
-            raise
+        return _load(command)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]

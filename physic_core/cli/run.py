@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from physic_core.cli.arguments import AnyPath, SavedFiles, complete_files, configuration_options, one_photo
+from physic_core.cli.arguments import AnyPath, SavedFiles, configuration_options, one_photo
 from physic_core.cli.output import echo
 from physic_core.cli.output_folder import reserve_folder
 from physic_core.cli.result_summary import print_summary
@@ -71,7 +71,7 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
 
 
 @click.command()
-@click.argument("photos", metavar="PHOTO", nargs=-1, required=True, shell_complete=complete_files)
+@click.argument("photos", metavar="PHOTO", nargs=-1, required=True)
 @click.option("-o", "--out", type=AnyPath(), help=_OUT)
 @click.option("--overwrite", is_flag=True, help="Replace another photo's result, or changed files of a result.")
 @click.option("--save", "saving", type=SavedFiles(), default="compact", show_default=True, help=_SAVE)
@@ -152,10 +152,10 @@ def run(
     plan = load_plan(discover(), file, preset=preset, overrides=overrides, flags=flags)
     report = _writes_report(report, required=open_page, quiet=quiet)
     with sigterm_as_exception(), _reserve_folder(photo, out, overwrite) as folder:
-        from physic_core.pipeline.run import reconstruct_photo
+        from physic_core.pipeline.run import reconstruct
 
         with collect_plugin_messages() as messages, show_progress(quiet) as progress:
-            result = reconstruct_photo(photo, plan, progress=progress)
+            result = reconstruct(photo, plan, progress=progress)
         from physic_core.io.people_table import people_csv
         from physic_core.io.result_folder import PEOPLE_TABLE
         from physic_core.io.saving import save_reconstruction

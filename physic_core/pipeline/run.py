@@ -271,23 +271,6 @@ def reconstruct(
         return pipeline._run(photo, _Given(intrinsics, people, known), progress=progress, close=True)
 
 
-def reconstruct_photo(
-    path: str | os.PathLike[str],
-    config: Configuration = None,
-    *,
-    registry: Registry | None = None,
-    people: PeoplePrompt | None = None,
-    known: KnownSizes | None = None,
-    progress: Progress | None = None,
-) -> Reconstruction:
-    """Reconstruct people, scene and contact from a photo file; see :func:`reconstruct`.
-
-    Arguments and errors are those of :func:`reconstruct`; ``people`` and ``known`` are in px of the upright photo file.
-    The file is read after config, device and backends have been checked.
-    """
-    return reconstruct(path, config, registry=registry, people=people, known=known, progress=progress)
-
-
 @contextmanager
 def _naming(photo: str) -> Iterator[None]:
     """Start the message of an error with the path of the photo, if it has one."""

@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from fuzzing.photo_bombs import BOMBS, huge_tile
-from physic_core.batch.journal import read_rows
+from physic_core.batch.journal import read_journals
 from physic_testing.worlds import build_world
 
 PEAK = """
@@ -65,7 +65,7 @@ def test_a_worker_takes_no_more_memory_than_a_photo_needs(tmp_path: Path):
     command += ["--workers", "1", "--table", "csv"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert done.stdout.splitlines()[0] == "1 done, 1 failed (1 InputError)"
-    (row,) = (row for row in read_rows(out).values() if row["state"] == "done")
+    (row,) = (row for row in read_journals(out).last.values() if row["state"] == "done")
     assert row["peak_mb"] < 2000
 
 

@@ -19,7 +19,7 @@ import physic_core.io.report_file as report_file
 import physic_core.io.saving as saving
 from fuzzing.interrupted import Steps
 from fuzzing.tiny_result import tiny_result
-from physic_core.batch.journal import Journal, read_rows
+from physic_core.batch.journal import Journal, read_journals
 from physic_core.errors import InputError, OutputError
 from physic_core.files.archive import write_archive
 from physic_core.files.atomic import atomic_write
@@ -243,11 +243,11 @@ def test_a_row_of_the_journal_is_there_or_not(how: str, tmp_path: Path):
     with Journal(tmp_path / "old" / "journal.jsonl") as journal:
         journal.append(rows[0])
     for folder in interruptions(append, tmp_path / "old", tmp_path, how):
-        found = read_rows(folder, rows[0])
+        found = read_journals(folder, rows[0]).last
         assert found in ({"a": rows[0]}, {"a": rows[0], "b": rows[1]})
         with Journal(folder / "journal.jsonl") as journal:
             journal.append(rows[2])
-        assert read_rows(folder, rows[0]) == {**found, "c": rows[2]}
+        assert read_journals(folder, rows[0]).last == {**found, "c": rows[2]}
 
 
 def test_old_temporary_files_of_a_user_stay(tmp_path: Path):

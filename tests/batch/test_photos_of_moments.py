@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from fuzzing.tiny_result import tiny_result
 from physic_core import load_reconstruction
-from physic_core.batch.journal import read_rows
+from physic_core.batch.journal import read_journals
 from physic_core.batch.photos import list_photos
 from physic_core.batch.process import BatchJob, PhotoProcessor
 from physic_core.batch.run import plan_batch, run_batch
@@ -70,7 +70,7 @@ def run(table: Path, out: Path) -> list[str]:
 @pytest.mark.usefixtures("joined")
 def test_a_moment_is_one_row_and_a_bad_one_ends_nothing(table: Path, tmp_path: Path):
     run(table, tmp_path / "out")
-    rows = read_rows(tmp_path / "out")
+    rows = read_journals(tmp_path / "out").last
     assert {name.partition("-")[0]: row["state"] for name, row in rows.items()} == {
         "alone": "done",
         "pair": "done",

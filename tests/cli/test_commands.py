@@ -51,7 +51,7 @@ class Pipeline:
     error: Exception | None = None
     calls: list[tuple[Any, Any]] = field(default_factory=list)
 
-    def reconstruct_photo(self, path: Any, plan: Any, *, progress: Any) -> Reconstruction:
+    def reconstruct(self, path: Any, plan: Any, *, progress: Any) -> Reconstruction:
         self.calls.append((path, plan.config))
         progress("people", 0, 2)
         if self.error is not None:
@@ -63,7 +63,7 @@ class Pipeline:
 @pytest.fixture
 def pipeline(monkeypatch: pytest.MonkeyPatch) -> Pipeline:
     stand_in, module = Pipeline(), ModuleType("physic_core.pipeline.run")
-    module.reconstruct_photo = stand_in.reconstruct_photo  # type: ignore[attr-defined]
+    module.reconstruct = stand_in.reconstruct  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "physic_core.pipeline.run", module)
     return stand_in
 

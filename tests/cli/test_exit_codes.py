@@ -50,11 +50,11 @@ def test_help_and_documentation_list_every_code(repository: Path):
 
 @pytest.mark.parametrize("name", errors.__all__)
 def test_a_run_ends_with_the_code_of_its_error(name: str, monkeypatch: pytest.MonkeyPatch):
-    def reconstruct_photo(*_: Any, **__: Any) -> None:
+    def reconstruct(*_: Any, **__: Any) -> None:
         raise getattr(errors, name)("no good")
 
     module = ModuleType("physic_core.pipeline.run")
-    module.reconstruct_photo = reconstruct_photo  # type: ignore[attr-defined]
+    module.reconstruct = reconstruct  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "physic_core.pipeline.run", module)
     done = physic("run", "photo.jpg", "--preset", "mock")
     assert (done.exit_code, done.stderr) == (CODES[name], "Error: no good\n")

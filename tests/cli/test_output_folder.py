@@ -23,14 +23,14 @@ def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     """The photos that a stand-in of the pipeline was given."""
     photos: list[Path] = []
 
-    def reconstruct_photo(path: Path, config: Any, **_: Any) -> Reconstruction:
+    def reconstruct(path: Path, config: Any, **_: Any) -> Reconstruction:
         photos.append(path)
         if path.stem == "empty":
             raise NoPersonError("nobody was found")
         return empty_reconstruction(photo=file_digest(path))
 
     module = ModuleType("physic_core.pipeline.run")
-    module.reconstruct_photo = reconstruct_photo  # type: ignore[attr-defined]
+    module.reconstruct = reconstruct  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "physic_core.pipeline.run", module)
     monkeypatch.chdir(tmp_path)
     return photos

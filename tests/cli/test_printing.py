@@ -49,12 +49,12 @@ def process(*arguments: str, shell: str = "", **environment: str) -> subprocess.
 def pipeline(monkeypatch: pytest.MonkeyPatch) -> None:
     """A stand-in of the pipeline whose texts control a terminal."""
 
-    def reconstruct_photo(path: Path, plan: Any, *, progress: Any) -> Any:
+    def reconstruct(path: Path, plan: Any, *, progress: Any) -> Any:
         logging.getLogger("physic_mine").info("read %s", TITLE)
         return empty_reconstruction(notes=(f"note {TITLE}",), warnings=(f"warning {TITLE}",))
 
     module = ModuleType("physic_core.pipeline.run")
-    module.reconstruct_photo = reconstruct_photo  # type: ignore[attr-defined]
+    module.reconstruct = reconstruct  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "physic_core.pipeline.run", module)
 
 

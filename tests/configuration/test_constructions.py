@@ -15,7 +15,7 @@ from physic_core.configuration.resolve import resolve
 from physic_core.discovery.plugins import discover
 from physic_core.errors import NoPersonError
 from physic_core.interfaces import PHOTO_INTERFACES, Backend
-from physic_core.pipeline.run import reconstruct_photo
+from physic_core.pipeline.run import reconstruct
 from physic_mock.backends import MockSegmenter
 from physic_testing.worlds import build_world
 
@@ -59,5 +59,5 @@ def test_a_resolved_pipeline_serves_many_photos(constructed: Counter[str], photo
     plan = resolve(load_config(preset="mock", overrides=["run.cache=false"]), discover())
     for _ in range(2):
         with pytest.raises(NoPersonError):
-            reconstruct_photo(photo, plan)
+            reconstruct(photo, plan)
     assert constructed == ONCE

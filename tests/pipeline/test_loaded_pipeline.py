@@ -22,7 +22,6 @@ from physic_core import (
     Pipeline,
     Reconstruction,
     reconstruct,
-    reconstruct_photo,
 )
 from physic_core.interfaces import MetricDepth
 from physic_core.io.photo import read_source
@@ -109,7 +108,7 @@ def test_every_kind_of_photo_gives_the_same_result(photo: Path, world: World, re
     digests = {kind: one.digest for kind, one in photos.items()}
     assert digests["path"] == digests["text"] == digests["bytes"]
     assert digests["PIL"] == digests["array"] != digests["path"]
-    found = reconstruct_photo(photo, "mock")
+    found = reconstruct(photo, "mock")
     assert same(found, result)
     assert found.photo == photos["path"].digest
 

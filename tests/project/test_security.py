@@ -112,7 +112,6 @@ WRITTEN = {
         "tests/cache/test_claim.py::test_folders_and_files_are_for_their_user_alone_whatever_the_umask",
         "plugins/physic-embedded/tests/test_kept_graphs.py::test_a_graph_is_kept_for_its_user_alone",
     ),
-    "Each row of the journal": "tests/batch/test_run.py::test_a_damaged_row_counts_for_nothing",
     "A result without its row": "tests/batch/test_run.py::test_a_result_without_its_row_is_done_again",
     "A file of yours is never replaced": (
         "tests/io/test_output.py::test_every_foreign_file_is_named_at_once",

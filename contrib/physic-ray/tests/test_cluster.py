@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from physic_core.batch.executors import ExecutorSettings
-from physic_core.batch.journal import COLUMNS, read_rows
+from physic_core.batch.journal import COLUMNS, read_journals
 from physic_core.batch.photos import list_photos
 from physic_core.batch.process import BatchJob
 from physic_core.batch.run import plan_batch, run_batch, run_locally
@@ -89,7 +89,7 @@ def on(cluster: Any, open_worker: Callable[[], Any], timeout: float | None = Non
 
 
 def comparable(out: Path) -> dict[str, dict[str, Any]]:
-    return {i: {k: v for k, v in row.items() if k not in TIMES} for i, row in read_rows(out).items()}
+    return {i: {k: v for k, v in row.items() if k not in TIMES} for i, row in read_journals(out).last.items()}
 
 
 def test_thirty_photos_have_the_rows_of_the_local_executor(cluster: Any, standin: Any, tmp_path: Path):
@@ -125,7 +125,7 @@ def test_a_node_that_is_killed_costs_no_photo(cluster: Any, standin: Any, tmp_pa
     run(photos, job, on(cluster, partial(standin.open_worker, job, 0.3)), kill_one_node)
     assert count == {"done": 24}
     lines = (tmp_path / "out" / "journal.jsonl").read_text().splitlines()
-    assert len(lines) == len(read_rows(tmp_path / "out")) == 24
+    assert len(lines) == len(read_journals(tmp_path / "out").last) == 24
     cluster.second = cluster.add_node(num_cpus=2, object_store_memory=100_000_000)
 
 
@@ -144,7 +144,7 @@ def test_what_concerns_every_photo_ends_the_batch_with_one_message(
     with pytest.raises(kind) as error:
         run(photos, job, on(cluster, partial(getattr(standin, name), job)))
     assert re.sub(r" \(node [\d.]+\)$", "", str(error.value)) == message
-    assert read_rows(tmp_path / "out") == {}
+    assert read_journals(tmp_path / "out").last == {}
 
 
 def test_a_dataset_becomes_parquet_files_and_its_checkpoint_leaves_out_what_is_written(cluster: Any, tmp_path: Path):

@@ -87,7 +87,7 @@ def reconstruct(
     Raises:
         PhysicError: the configuration is invalid, or a backend cannot be loaded.
     """
-    from physic_core.batch.journal import read_rows
+    from physic_core.batch.journal import read_journals
     from physic_core.batch.process import BatchJob
     from physic_core.batch.run import plan_batch, run_batch, run_locally
     from physic_core.batch.workers import WorkerSettings
@@ -116,7 +116,7 @@ def reconstruct(
 
     run_batch(plan.todo, job, executor, out / "journal.jsonl", on_row)
     wanted = {item.id for item in items}
-    for name, row in read_rows(out, ("state", "error", "message")).items():
+    for name, row in read_journals(out, ("state", "error", "message")).last.items():
         if name in wanted and row["state"] == "failed":
             failed[name] = f"{row['error']}: {row['message']}"
     return failed

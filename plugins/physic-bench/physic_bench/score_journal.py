@@ -57,10 +57,10 @@ def rules_digest(rules: ScoringRules) -> str:
 
 def known_scores(out: Path) -> dict[str, list[Record]]:
     """Return digest -> records of the journal in an output folder; lines that were cut off are ignored."""
-    from physic_core.batch.journal import read_rows
+    from physic_core.batch.journal import read_journals
     from physic_core.files.strict_json import from_json
 
-    rows = read_rows(out / SCORES).values()
+    rows = read_journals(out / SCORES).last.values()
     return {str(row["config"]): from_json(json.loads(row["records"])) for row in rows}
 
 
