@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.metrics import Figure, markdown_table
+from physic_core.metrics import ValueWithInterval, markdown_table
 from physic_core.types.skeletons import SIDES
 
 from .measures import SCORES, match_boxes, probability_scores
@@ -147,12 +147,12 @@ def table_of_parts(tables: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str
     for group, kinds in tables.items():
         for kind, scores in kinds.items():
             counts = [str(scores["auc"]["count"]), str(scores["touching"])]
-            cells = [_cell(Figure(**scores[name]), name != "constant") for name in SCORES]
+            cells = [_cell(ValueWithInterval(**scores[name]), name != "constant") for name in SCORES]
             rows.append([f"{group}: {kind}", *counts, *cells])
     return markdown_table(rows)
 
 
-def _cell(found: Figure, interval: bool) -> str:
+def _cell(found: ValueWithInterval, interval: bool) -> str:
     if not math.isfinite(found.value):
         return "-"
     around = f" ({found.low:.2f} .. {found.high:.2f})" if interval and math.isfinite(found.low) else ""

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from physic_core.metrics import Figure, resampled_interval
+from physic_core.metrics import ValueWithInterval, resampled_interval
 
 Record = Mapping[str, Any]
 Strata = Sequence[Sequence[Record]]
@@ -17,7 +17,7 @@ Strata = Sequence[Sequence[Record]]
 _DRAWS = 1000
 
 
-def figure(records: Sequence[Record], statistic: Callable[[Strata], float]) -> Figure:
+def figure(records: Sequence[Record], statistic: Callable[[Strata], float]) -> ValueWithInterval:
     """A statistic of the records by data set, and its interval by a bootstrap over the groups of each set.
 
     Groups are resampled, not people: those of one moment or film are alike. Photos are, where a set has one group
@@ -32,7 +32,7 @@ def figure(records: Sequence[Record], statistic: Callable[[Strata], float]) -> F
         return statistic([[r for group in stratum for r in group] for stratum in drawn])
 
     value = of_groups(strata)
-    return Figure(value, *resampled_interval(strata, of_groups, _DRAWS), len(records))
+    return ValueWithInterval(value, *resampled_interval(strata, of_groups, _DRAWS), len(records))
 
 
 def _grouped(records: Sequence[Record], key: str) -> list[list[Record]]:

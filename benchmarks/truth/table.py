@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from physic_core.metrics import Figure, markdown_table
+from physic_core.metrics import ValueWithInterval, markdown_table
 
 from .statistics import Record, Strata, figure, median_of, of_lists, of_sets, pooled
 
@@ -21,7 +21,7 @@ class Row:
     """A figure of the table; ``goal`` in words."""
 
     name: str
-    figure: Figure
+    figure: ValueWithInterval
     goal: str
     digits: int = 0
     percent: bool = False

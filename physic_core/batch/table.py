@@ -14,8 +14,9 @@ from physic_core.errors import PackageMissingError
 from physic_core.files.atomic import atomic_write
 from physic_core.files.csv_rows import as_utf8, write_csv
 from physic_core.files.own import MARK, check_own
-from physic_core.io.people_table import PEOPLE_MARK, write_people
+from physic_core.io.people_table import PEOPLE_MARK
 from physic_core.io.result_folder import PEOPLE_TABLE
+from physic_core.types.person_rows import PERSON_COLUMNS
 
 
 def import_pyarrow(purpose: str) -> Any:
@@ -109,7 +110,7 @@ def write_people_table(out: Path) -> Path:
     check_own(out / PEOPLE_TABLE, mark=PEOPLE_MARK)
     people = ({"photo": row["id"], **one} for row in last_rows(out) for one in row.get(PEOPLE_COLUMN) or ())
     with atomic_write(out) as temporary, temporary(PEOPLE_TABLE).open("w", newline="", encoding="utf-8") as file:
-        write_people(file, people)
+        write_csv(file, list(PERSON_COLUMNS), people)
     return out / PEOPLE_TABLE
 
 

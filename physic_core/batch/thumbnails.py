@@ -21,7 +21,7 @@ def thumbnail_path(folder: str) -> str:
 
 
 def write_thumbnail(result: Reconstruction, out: Path, folder: str) -> None:
-    """Write the thumbnail of a photo.
+    """Write the people over the photo, and the side view, as one small JPEG of 180 px height.
 
     Args:
         result: of the photo.
@@ -31,11 +31,6 @@ def write_thumbnail(result: Reconstruction, out: Path, folder: str) -> None:
     Raises:
         OutputError: it cannot be written.
     """
-    write_own(out / thumbnail_path(folder), render_thumbnail(result))
-
-
-def render_thumbnail(result: Reconstruction) -> bytes:
-    """Render the people over the photo, and the side view, as one small JPEG of 180 px height."""
     import numpy as np
     from PIL import Image
 
@@ -53,4 +48,4 @@ def render_thumbnail(result: Reconstruction) -> bytes:
     Image.fromarray(np.concatenate([np.asarray(panel)[:_HEIGHT] for panel in panels], axis=1)).save(
         buffer, "JPEG", quality=72, optimize=True, comment=MARK
     )
-    return buffer.getvalue()
+    write_own(out / thumbnail_path(folder), buffer.getvalue())

@@ -45,12 +45,6 @@ _STEPS = 64
 _HANDS = np.array(FINGER_JOINTS).reshape(2, -1)
 
 
-def hand_weight(confidence: NDArray[np.floating]) -> _Array:
-    """Convert confidence to a weight in [0, 1] of the hand estimate; smooth, and 0 at 0."""
-    x = np.clip((np.asarray(confidence, np.float64) - _MIN_CONFIDENCE) / (_FULL_CONFIDENCE - _MIN_CONFIDENCE), 0.0, 1.0)
-    return x * x * (3 - 2 * x)
-
-
 def attach_hands(parameters: BodyParameters, hands: Hands, model: BodyModel, wrist_range: AngleRange) -> BodyParameters:
     """Return bodies with the rotations of wrists, forearms and fingers from the hands.
 
@@ -61,7 +55,9 @@ def attach_hands(parameters: BodyParameters, hands: Hands, model: BodyModel, wri
         wrist_range: range of a left wrist relative to its forearm; the right one is mirrored.
     """
     assert hands.wrists is not None
-    share = hand_weight(hands.confidence)
+    confidence = np.asarray(hands.confidence, np.float64)
+    x = np.clip((confidence - _MIN_CONFIDENCE) / (_FULL_CONFIDENCE - _MIN_CONFIDENCE), 0.0, 1.0)
+    share = x * x * (3 - 2 * x)  # smooth, and 0 at the lowest confidence
     rows = np.flatnonzero((share > 0).any(1) & np.isfinite(parameters.global_orient).all(1))
     if not len(rows):
         return parameters

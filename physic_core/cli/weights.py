@@ -128,12 +128,12 @@ def where(name: str, file: str | None) -> None:
     """Print only the path of the weight set NAME, or of its FILE."""
     from physic_core.discovery.plugins import discover
     from physic_core.weights.library import read_library
-    from physic_core.weights.locate import find
+    from physic_core.weights.locate import find_weights
 
     manifests = discover().manifests
     one = read_library(manifests).get(name)
     manifest = next(m for m in manifests if m.origin == one.origin)
-    echo(find(manifest.path, one.weights.name, file))
+    echo(find_weights(manifest.path, one.weights.name, file))
 
 
 def _library() -> WeightLibrary:

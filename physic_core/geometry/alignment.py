@@ -88,7 +88,7 @@ class _LinearSystem(NamedTuple):
         return total
 
 
-def align(
+def fit_alignment(
     relative_points: Tensor,
     target_points: Tensor,
     valid: Tensor,

@@ -35,7 +35,7 @@ def hidden_by_raster(vertices: Tensor, faces: Tensor, size: int = 1024) -> tuple
     """
     batch, count = vertices.shape[:2]
     pixels = _fill_image(vertices, size)
-    seen = rasterise(pixels, vertices[..., 2], faces, size, size)
+    seen = rasterize(pixels, vertices[..., 2], faces, size, size)
     # Pixels of vertices behind the camera are invalid.
     inside = ((pixels >= 0) & (pixels <= size - 1)).all(-1) & (vertices[..., 2] > _NEAR_M)
     at = torch.where(inside[..., None], pixels, torch.zeros_like(pixels)).round().long()
@@ -53,7 +53,7 @@ def hidden_by_raster(vertices: Tensor, faces: Tensor, size: int = 1024) -> tuple
     return hidden, torch.where(hidden, face, torch.full_like(face, -1))
 
 
-def rasterise(pixels: Tensor, z: Tensor, faces: Tensor, height: int, width: int) -> Tensor:
+def rasterize(pixels: Tensor, z: Tensor, faces: Tensor, height: int, width: int) -> Tensor:
     """Return the nearest front face at each pixel: (B, height, width) int64, -1 where there is none.
 
     Args:

@@ -6,7 +6,6 @@ scale ``c`` is the residual from which the loss differs from a quadratic.
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import torch
@@ -40,26 +39,6 @@ def pseudo_huber(squared: Tensor, c: float | Tensor) -> Tensor:
     return 2.0 * c**2 * q / (torch.sqrt(1.0 + q) + 1.0)
 
 
-def barron(squared: Tensor, alpha: float, c: float | Tensor) -> Tensor:
-    """Return the general robust loss of Barron (CVPR 2019) times ``2 c^2``, about ``x^2`` near zero.
-
-    Args:
-        squared: (...) squared residuals.
-        alpha: shape: 2 quadratic, 1 pseudo-Huber, 0 Cauchy, -2 Geman-McClure, ``-math.inf`` Welsch.
-        c: scale.
-    """
-    q = squared / c**2
-    if alpha == 2.0:
-        return squared
-    if alpha == 0.0:
-        return 2.0 * c**2 * torch.log1p(q / 2.0)
-    if alpha == -math.inf:
-        return -2.0 * c**2 * torch.expm1(-q / 2.0)
-    b = abs(alpha - 2.0)
-    # Equal to (1 + q / b) ** (alpha / 2) - 1, but accurate near zero.
-    return 2.0 * c**2 * (b / alpha) * torch.expm1((alpha / 2.0) * torch.log1p(q / b))
-
-
 def robust_loss(kind: str, squared: Tensor, c: float | Tensor) -> Tensor:
     """Return the loss ``kind`` of squared residuals.
 
@@ -77,7 +56,7 @@ def robust_loss(kind: str, squared: Tensor, c: float | Tensor) -> Tensor:
     if kind == "absolute":
         return absolute(squared)
     if kind == "barron":
-        return barron(squared, 1.0, c) / (2.0 * c**2)
+        return 2.0 * c**2 * torch.expm1(0.5 * torch.log1p(squared / c**2)) / (2.0 * c**2)
     if kind not in _BY_NAME:
         raise PhysicError(f"unknown robust loss {kind!r}: use square, absolute, barron, {', '.join(sorted(_BY_NAME))}")
     return _BY_NAME[kind](squared, c)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING
 
 from physic_core.files.csv_rows import write_csv
 from physic_core.types.person_rows import PERSON_COLUMNS, person_rows
@@ -16,11 +15,6 @@ PEOPLE_MARK = ",".join(PERSON_COLUMNS)
 """First line of the table, by which PhySIC knows its own: CSV has no comments."""
 
 
-def write_people(file: TextIO, people: Iterable[Mapping[str, Any]]) -> None:
-    """Write the table; each row has the columns of :data:`physic_core.types.person_rows.PERSON_COLUMNS`."""
-    write_csv(file, list(PERSON_COLUMNS), people)
-
-
 def people_csv(result: Reconstruction, photo: str) -> bytes:
     """Return the table of one result.
 
@@ -29,5 +23,5 @@ def people_csv(result: Reconstruction, photo: str) -> bytes:
         photo: its name.
     """
     text = io.StringIO(newline="")
-    write_people(text, ({"photo": photo, **row} for row in person_rows(result)))
+    write_csv(text, list(PERSON_COLUMNS), ({"photo": photo, **row} for row in person_rows(result)))
     return text.getvalue().encode()

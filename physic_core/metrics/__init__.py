@@ -10,7 +10,7 @@ from physic_core.metrics.contact import (
     precision_recall_f1,
 )
 from physic_core.metrics.geodesic import GeodesicError, distance_to_sources, geodesic_error, surface_graph
-from physic_core.metrics.intervals import DRAWS, Figure, draw_counts, percentile_interval, resampled_interval
+from physic_core.metrics.intervals import DRAWS, ValueWithInterval, draw_counts, percentile_interval, resampled_interval
 from physic_core.metrics.matching import Matching, assign, mask_iou, match_by_masks
 from physic_core.metrics.physics import Penetration, contact_gap, penetration
 from physic_core.metrics.pose import BODY_JOINTS, align_similarity, mpjpe_mm, mpvpe_mm, pa_mpjpe_mm
@@ -30,13 +30,13 @@ __all__ = [
     "PROXIMITY_RADIUS_M",
     "ContactCounts",
     "ContactScores",
-    "Figure",
     "FloorError",
     "GeodesicError",
     "Matching",
     "Penetration",
     "SceneError",
     "SignedDistances",
+    "ValueWithInterval",
     "align_similarity",
     "aligned_table",
     "assign",

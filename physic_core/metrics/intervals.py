@@ -25,7 +25,7 @@ _SEED = 20261121
 
 
 @dataclass(frozen=True)
-class Figure:
+class ValueWithInterval:
     """A number with its 95 % interval; NaN where it is unknown.
 
     Attributes:

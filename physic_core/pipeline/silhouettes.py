@@ -14,7 +14,7 @@ import torch.nn.functional as F
 
 from physic_core.engine.placement.background import dilate_square
 from physic_core.geometry.camera import project
-from physic_core.geometry.raster import rasterise
+from physic_core.geometry.raster import rasterize
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -85,7 +85,7 @@ def _body_depths(vertices: Tensor, faces: Tensor, photo: PhotoEvidence) -> list[
     height, width = photo.masks.shape[-2:]
     depths = []
     for body in vertices:
-        face = rasterise(project(body, photo.K)[None], body[None, :, 2], faces, height, width)[0]
+        face = rasterize(project(body, photo.K)[None], body[None, :, 2], faces, height, width)[0]
         z = body[faces][..., 2].mean(1)
         depths.append(torch.where(face >= 0, z[face.clamp(min=0)], torch.inf))
     return depths

@@ -65,7 +65,7 @@ _FLOOR: dict[str, Any] = {
 
 
 @dataclass(frozen=True)
-class Look:
+class Appearance:
     """Material of a mesh, and the vertices of a body that differ from its own.
 
     Attributes:
@@ -171,7 +171,7 @@ def body_material(name: str, rgb: tuple[int, int, int] | None = None, texture: i
     return {"name": name, "pbrMetallicRoughness": surface}
 
 
-def photo_look(
+def photo_appearance(
     glb: GlbBuilder,
     name: str,
     photo: bytes,
@@ -179,7 +179,7 @@ def photo_look(
     mesh: TextureCoordinates,
     shown: float,
     skin: str = SKINS[0],
-) -> Look:
+) -> Appearance:
     """Add the textures of a person, and return its materials as variants, and the texture coordinates.
 
     Args:
@@ -197,7 +197,7 @@ def photo_look(
     materials = (own, body_material("body", BODY_RGB), body_material(f"{name}_contact", texture=picture))
     mappings = [{"material": glb.material(one), "variants": [number]} for number, one in enumerate(materials)]
     uv = np.stack([mesh.uv[:, 0], 1 - mesh.uv[:, 1]], 1)
-    return Look(
+    return Appearance(
         materials[SKINS.index(skin)],
         {"extensions": {"KHR_materials_variants": {"mappings": mappings}}},
         mesh.vertex,
@@ -206,26 +206,26 @@ def photo_look(
     )
 
 
-def add_dressed(glb: GlbBuilder, index: int, request: ExportRequest) -> Look:
+def add_dressed(glb: GlbBuilder, index: int, request: ExportRequest) -> Appearance:
     """Return a body in the photo's colours, grey where no photo shows it; without a texture, vertices have colours."""
     dressed, name, person = dressed_bodies(request.result), f"person_{index}", request.result.people[index]
     if dressed.mesh is not None:
         touched = painted_contact(person, request.result.contact_partners)
         contact = encode_image(image_of_vertices(touched, _CONTACT_TEXELS), "JPEG")
         photo = encode_image(dressed_images(request.result)[index], "JPEG")
-        return photo_look(glb, name, photo, (contact, "image/jpeg"), dressed.mesh, dressed.shown[index])
+        return photo_appearance(glb, name, photo, (contact, "image/jpeg"), dressed.mesh, dressed.shown[index])
     linear = np.ones((len(person.vertices), 4))
     linear[:, :3] = linear_from_srgb(dressed.colors[index])
     colors = glb.accessor(np.round(65535 * linear).astype(np.uint16), ARRAY, normalized=True)
     white = body_material("photo_colors") | {"extensions": {"KHR_materials_unlit": {}}}
-    return Look(white, accessors={"COLOR_0": colors})
+    return Appearance(white, accessors={"COLOR_0": colors})
 
 
 def build_glb(
     request: ExportRequest,
     background: _Background | None,
     skins: Mapping[int, Rig],
-    look: Callable[[GlbBuilder, int, ExportRequest], Look],
+    look: Callable[[GlbBuilder, int, ExportRequest], Appearance],
     reason: str = "",
     camera: bool = True,
 ) -> GlbBuilder:
@@ -291,7 +291,7 @@ def skin_influences(weights: NDArray[np.floating[Any]]) -> tuple[NDArray[np.uint
     return np.where(kept > 0, order[:, :count], 0).astype(np.uint8), kept
 
 
-def _add_person(glb: GlbBuilder, index: int, request: ExportRequest, rig: Rig | None, look: Look) -> list[int]:
+def _add_person(glb: GlbBuilder, index: int, request: ExportRequest, rig: Rig | None, look: Appearance) -> list[int]:
     """Add mesh of a person, with skin and joints if there is a rig, and return the indices of the nodes at the top."""
     name, person, result = f"person_{index}", request.result.people[index], request.result
     faces = np.asarray(result.faces, np.int64)
@@ -342,7 +342,7 @@ def _add_mesh(
     name: str,
     attributes: dict[str, int],
     faces: NDArray[np.integer[Any]],
-    look: Look,
+    look: Appearance,
     **node: int,
 ) -> int:
     """Add a mesh of faces (F, 3) with the material of a look, and return the index of its node."""
@@ -373,7 +373,7 @@ def _add_scene(glb: GlbBuilder, background: _Background, request: ExportRequest)
         "POSITION": glb.accessor(vertices.astype(np.float32), ARRAY, bounds=True),
         "TEXCOORD_0": glb.accessor(background.uv, ARRAY),
     }
-    return [_add_mesh(glb, "scene", attributes, background.surface.faces, Look(photo))]
+    return [_add_mesh(glb, "scene", attributes, background.surface.faces, Appearance(photo))]
 
 
 def _add_floor(glb: GlbBuilder, background: _Background, request: ExportRequest) -> list[int]:
@@ -388,7 +388,7 @@ def _add_floor(glb: GlbBuilder, background: _Background, request: ExportRequest)
         "POSITION": glb.accessor(vertices.astype(np.float32), ARRAY, bounds=True),
         "NORMAL": glb.accessor(normals.astype(np.float32), ARRAY),
     }
-    return [_add_mesh(glb, "floor", attributes, faces, Look(_FLOOR))]
+    return [_add_mesh(glb, "floor", attributes, faces, Appearance(_FLOOR))]
 
 
 def _add_camera(glb: GlbBuilder, one: ExportedCamera) -> int:

@@ -13,7 +13,7 @@ from physic_core.visual.palette import painted_contact
 from physic_core.visual.render import (
     LONGEST_BODY_EDGE_M,
     View,
-    composite,
+    blend_over,
     prepare_meshes,
     render_mesh,
 )
@@ -62,7 +62,7 @@ def overlay_panel(
     if camera is not None:
         view = View.of_photo(camera, width, height)
     layer = render_mesh(geometry.people, view, geometry.people_colors)
-    return _bytes(composite(layer, (photo / 255.0).astype(np.float32), _OPACITY))
+    return _bytes(blend_over(layer, (photo / 255.0).astype(np.float32), _OPACITY))
 
 
 def depth_range(reconstruction: Reconstruction) -> tuple[float, float]:
@@ -127,7 +127,7 @@ def render_contact_views(reconstruction: Reconstruction, index: int, width: int,
     scales = upright, upright, min(fits[2], 1.5 * upright)
     for (axes, middle), scale, left, end in zip(corners, scales, edges[:-1], edges[1:], strict=True):
         view = View.orthographic(axes, middle, scale, (int(end - left), height))
-        picture[:, left:end] = composite(render_mesh(shapes, view, colors), picture[:, left:end])
+        picture[:, left:end] = blend_over(render_mesh(shapes, view, colors), picture[:, left:end])
     return _bytes(picture)
 
 

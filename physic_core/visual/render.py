@@ -115,7 +115,7 @@ class RayCastMesh:
 
 
 @dataclass(frozen=True)
-class Layer:
+class RenderedLayer:
     """Rendered image with transparency and distance.
 
     Attributes:
@@ -156,7 +156,7 @@ def prepare_meshes(
     return RayCastMesh(vertices, triangles, vertex_normals(vertices, triangles), RayCaster(vertices, triangles))
 
 
-def render_mesh(shapes: RayCastMesh, viewer: View, colors: Array, *, is_lit: bool = True) -> Layer:
+def render_mesh(shapes: RayCastMesh, viewer: View, colors: Array, *, is_lit: bool = True) -> RenderedLayer:
     """Render meshes by ray casting: one ray a pixel, and four where there is an edge.
 
     Args:
@@ -184,15 +184,15 @@ def render_mesh(shapes: RayCastMesh, viewer: View, colors: Array, *, is_lit: boo
         fine, deep = _cast_rays(shapes, viewer, colors, columns[edge, None] + beside, rows[edge, None] + below, is_lit)
         coarse[edge], depth[edge] = fine.mean(1), deep.min(1)
         color[y0:y1, x0:x1], distance[y0:y1, x0:x1] = coarse, depth
-    return Layer(color[..., :3], color[..., 3], distance)
+    return RenderedLayer(color[..., :3], color[..., 3], distance)
 
 
-def composite(layer: Layer, picture: NDArray[np.float32], opacity: float = 1.0) -> NDArray[np.float32]:
+def blend_over(layer: RenderedLayer, picture: NDArray[np.float32], opacity: float = 1.0) -> NDArray[np.float32]:
     """Composite a rendered layer over an opaque image (H, W, 3) in 0-1."""
     return layer.color * opacity + picture * (1.0 - opacity * layer.alpha[..., None])
 
 
-def render_points(viewer: View, points: AnyFloat, colors: AnyFloat, radius: int = 1) -> Layer:
+def render_points(viewer: View, points: AnyFloat, colors: AnyFloat, radius: int = 1) -> RenderedLayer:
     """Render points (N, 3) with sRGB colours (N, 3) as squares of 2 ``radius`` + 1 px, the nearest on top.
 
     Of points at the same distance, the last is on top.
@@ -215,7 +215,7 @@ def render_points(viewer: View, points: AnyFloat, colors: AnyFloat, radius: int 
     color, depth = np.zeros((height, width, 3), np.float32), np.full((height, width), np.inf, np.float32)
     shown = order[rank[drawn].astype(np.int64) - 1]
     color[drawn], depth[drawn] = colors[shown], distance[shown]
-    return Layer(color, drawn.astype(np.float32), depth)
+    return RenderedLayer(color, drawn.astype(np.float32), depth)
 
 
 def _cast_rays(

@@ -23,11 +23,6 @@ def user_folders() -> tuple[Path, ...]:
     )
 
 
-def default_download_folder() -> Path | None:
-    """Return the default download folder of ``physic weights fetch``, or None if the user has no home folder."""
-    return cache_folder("weights")
-
-
 def find_without_subfolder(folder: Path, weights: WeightSet, file: WeightFile) -> Path | None:
     """Find a weight file directly in a folder, not in the weight set's subfolder; None if the match is uncertain."""
     path = folder / Path(file.path).name
@@ -63,7 +58,7 @@ def _hub_folder(repository: str) -> Path:
 
 def describe_search_folders(name: str) -> str:
     """Return the list of folders that are searched for a weight set, as text."""
-    own = default_download_folder()
+    own = cache_folder("weights")
     folders = [*user_folders(), *([own] if own is not None else [])]
     words = [str(folder / name) for folder in folders]
     if find_spec("huggingface_hub") is not None:

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from physic_core.cache.file_hashes import remembered_sha256
+from physic_core.cache.folders import cache_folder
 from physic_core.discovery.close_names import format_choice, similar_names
 from physic_core.errors import WeightsMissingError
 from physic_core.weights.folders import (
-    default_download_folder,
     describe_search_folders,
     find_in_hub_cache,
     find_without_subfolder,
@@ -54,7 +54,7 @@ def locate(manifest: Path, value: str, file: str | None = None) -> Path:
         WeightsMissingError: files are missing; the message lists the searched folders and how to get the files.
         BackendError: a file is not the published one, or the manifest is invalid.
     """
-    found = find(manifest, value, file)
+    found = find_weights(manifest, value, file)
     weights = read_manifest(manifest).get(value)
     if weights is not None:
         here = locate_files(weights).files
@@ -68,7 +68,7 @@ def locate(manifest: Path, value: str, file: str | None = None) -> Path:
     return found
 
 
-def find(manifest: Path, value: str, file: str | None = None) -> Path:
+def find_weights(manifest: Path, value: str, file: str | None = None) -> Path:
     """Return the path of :func:`locate`, without reading the file.
 
     Raises:
@@ -101,7 +101,7 @@ def missing(manifest: Path, value: str, file: str | None = None) -> tuple[str, .
         BackendError: the manifest is invalid.
     """
     try:
-        find(manifest, value, file)
+        find_weights(manifest, value, file)
     except WeightsMissingError as error:
         return (str(error).partition("\nsearched: ")[0],)
     return ()
@@ -113,7 +113,7 @@ def fingerprint(manifest: Path, value: str) -> str:
     Files without a published SHA-256 are read once, and again when they change.
     """
     try:
-        found = find(manifest, value)
+        found = find_weights(manifest, value)
     except WeightsMissingError:
         return ""
     weights = read_manifest(manifest).get(value)
@@ -165,7 +165,7 @@ def format_size(size: int | None) -> str:
 
 def _places(weights: WeightSet) -> list[dict[str, Path]]:
     """List the files of a weight set in each searched folder, in search order."""
-    own = default_download_folder()
+    own = cache_folder("weights")
     candidates = [
         {file.path: folder / weights.name / file.path for file in weights.files}
         for folder in [*user_folders(), *([own] if own is not None else [])]

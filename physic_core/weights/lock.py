@@ -16,8 +16,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from physic_core.cache.folders import cache_folder
 from physic_core.errors import WeightsMissingError
-from physic_core.weights.folders import default_download_folder
 from physic_core.weights.manifest import HubSource, WeightFile, WeightSet
 from physic_core.weights.verify import sha256_of
 
@@ -40,7 +40,7 @@ def lock_file_path() -> Path | None:
         return Path(named).expanduser()
     if Path(_NAME).is_file():
         return Path(_NAME)
-    folder = default_download_folder()
+    folder = cache_folder("weights")
     return folder / _NAME if folder is not None else None
 
 

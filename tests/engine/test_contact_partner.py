@@ -10,7 +10,7 @@ from physic_core.engine.contact.features import KINDS, Distances
 from physic_core.engine.contact.objects import ObjectDistances
 from physic_core.engine.contact.partner import HIDDEN, HIDDEN_SEAT, VertexContacts, assign_partners, body_contacts
 from physic_core.engine.contact.probability import ContactModel
-from physic_core.engine.contact.regions import Regions, are_adjacent, is_farther_out
+from physic_core.engine.contact.regions import ContactRegions, are_adjacent, is_farther_out
 from physic_core.engine.contact.scene_parts import ClassifiedPoints, SceneParts, scene_parts
 from physic_core.engine.contact.skin import SkinDistances
 from physic_core.types import NO_PARTNER, BodyContact, ContactPartner
@@ -69,7 +69,7 @@ def assigned(touched: list[int], scene: list[float], floor: list[float], point: 
     surface = SurfaceDistances(torch.tensor([scene]), torch.tensor([floor]), torch.tensor([point]))
     objects = ObjectDistances(torch.zeros(1, count), 4 * one)
     near = Distances(torch.zeros(1, count, 3), surface, parts, skin, skin, objects)
-    regions = Regions(("head", "left_hand"), torch.tensor([0, 1] * 8)[: max(count, 2)])
+    regions = ContactRegions(("head", "left_hand"), torch.tensor([0, 1] * 8)[: max(count, 2)])
     table, index = assign_partners(torch.tensor([touched]), near, regions)
     return [table[i] if i != NO_PARTNER else ContactPartner("") for i in index[0].tolist()]
 
@@ -100,7 +100,7 @@ def vertex_contacts(
 def test_the_list_by_body_part_has_the_most_probable_contact_first():
     table = (FLOOR_PARTNER, SEAT_PARTNER)
     index = torch.tensor([0] * 4 + [1] * 5 + [NO_PARTNER] * 3 + [1] * 2)
-    regions = Regions(("seat", "left_foot"), torch.tensor([1] * 4 + [0] * 8 + [1] * 2))
+    regions = ContactRegions(("seat", "left_foot"), torch.tensor([1] * 4 + [0] * 8 + [1] * 2))
     probability = torch.tensor([0.5] * 4 + [0.8] * 5 + [0.1] * 3 + [0.9] * 2)
     dent = torch.tensor([torch.nan] * 4 + [0.02] * 10)
     contacts = body_contacts(vertex_contacts(index, probability, dent), table, regions, SAME_ODDS)
@@ -116,7 +116,7 @@ def test_own_parts_are_listed_once_from_the_outer_one_and_adjacent_ones_are_not(
     names = ("left_hand", "head", "left_upper_arm", "torso")
     table = tuple(ContactPartner("self", part=name) for name in ("head", "left_hand", "torso", "left_upper_arm"))
     index = torch.tensor([0, 1, 2, 3, 0]).repeat_interleave(4)  # the last: the torso touches the head
-    regions = Regions(names, torch.tensor([0, 1, 2, 3, 3]).repeat_interleave(4))
+    regions = ContactRegions(names, torch.tensor([0, 1, 2, 3, 3]).repeat_interleave(4))
     person = vertex_contacts(index, torch.tensor([0.4, 0.6, 0.5, 0.5, 0.9]).repeat_interleave(4))
     contacts = body_contacts(person, table, regions, SAME_ODDS)
     assert [str(one) for one in contacts] == ["left hand: own head, 0.40"]

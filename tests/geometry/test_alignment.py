@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from physic_core.geometry.alignment import Alignment, AlignmentOptions, align, apply_alignment
+from physic_core.geometry.alignment import Alignment, AlignmentOptions, apply_alignment, fit_alignment
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
 from physic_core.types import AffineAmbiguity
 
@@ -49,7 +49,7 @@ def test_a_clean_map_is_put_back_exactly(unknown: AffineAmbiguity, residual: str
     target = room()
     shift = {"scale": 0.0, "scale_shift": 0.4, "inverse_scale_shift": 0.05}[unknown]
     source = relative(target, unknown, 2.5, shift)
-    found = align(source, target, ALL, unknown, options=AlignmentOptions(residual=residual))  # type: ignore[arg-type]
+    found = fit_alignment(source, target, ALL, unknown, options=AlignmentOptions(residual=residual))  # type: ignore[arg-type]
     assert (found.scale, found.shift) == (pytest.approx(2.5), pytest.approx(shift))
     assert found.inlier_share == 1.0
     assert found.residual < 1e-9
@@ -64,7 +64,7 @@ def test_forty_percent_outliers_and_noise_cost_less_than_a_percent(unknown: Affi
     noise = 1 + 0.02 * torch.randn(ROWS, COLUMNS, dtype=torch.float64, generator=torch.Generator().manual_seed(5))
     bad = random(ROWS, COLUMNS, seed=1) < 0.4
     source = clean * torch.where(bad, 1.3 + 2 * random(ROWS, COLUMNS, seed=2), noise)[..., None]
-    found = align(source, target, ALL, unknown)
+    found = fit_alignment(source, target, ALL, unknown)
     back = apply_alignment(clean, found)[..., 2]
     error = float((back / target[..., 2] - 1).abs().median())
     assert error < 0.01
@@ -80,23 +80,23 @@ def test_any_scale_and_shift_is_recovered(unknown: AffineAmbiguity, scale: float
     elif unknown == "inverse_scale_shift":
         shift *= 1 / 6  # 1 / Z - t must stay positive up to the wall
     source = relative(target, unknown, scale, shift)
-    found = align(source, target, ALL, unknown)
+    found = fit_alignment(source, target, ALL, unknown)
     torch.testing.assert_close(apply_alignment(source, found), target, rtol=1e-5, atol=1e-6)
 
 
 def test_x_and_y_tell_scale_from_shift_where_depth_is_flat() -> None:
     target = RAYS * 4.0
     source = relative(target, "scale_shift", 2.0, 1.0)
-    found = align(source, target, ALL, "scale_shift")
+    found = fit_alignment(source, target, ALL, "scale_shift")
     assert (found.scale, found.shift) == (pytest.approx(2.0), pytest.approx(1.0))
-    assert align(source, target, ALL, "scale_shift", options=AlignmentOptions(axes="z")).inlier_share == 0.0
+    assert fit_alignment(source, target, ALL, "scale_shift", options=AlignmentOptions(axes="z")).inlier_share == 0.0
 
 
 def test_depth_alone_does_where_the_targets_camera_is_not_known() -> None:
     target = room()
     source = relative(target, "scale_shift", 2.0, 0.5)
     blind = torch.where(torch.tensor([False, False, True]), target, 0.0)
-    found = align(source, blind, ALL, "scale_shift", options=AlignmentOptions(axes="z"))
+    found = fit_alignment(source, blind, ALL, "scale_shift", options=AlignmentOptions(axes="z"))
     assert (found.scale, found.shift) == (pytest.approx(2.0), pytest.approx(0.5))
 
 
@@ -104,7 +104,9 @@ def test_metric_residuals_are_the_papers_least_squares() -> None:
     target = room()
     noise = 0.01 * (random(ROWS, COLUMNS, 3, seed=4) - 0.5)
     source = relative(target, "scale_shift", 2.0, 0.5) + noise
-    found = align(source, target, ALL, "scale_shift", options=AlignmentOptions(0.1, hypotheses=20, residual="metric"))
+    found = fit_alignment(
+        source, target, ALL, "scale_shift", options=AlignmentOptions(0.1, hypotheses=20, residual="metric")
+    )
     A = np.zeros((3 * ROWS * COLUMNS, 2))
     A[:, 0] = source.reshape(-1).numpy()
     A[2::3, 1] = 1.0
@@ -122,15 +124,15 @@ def test_pixels_that_either_map_does_not_know_count_for_nothing() -> None:
     valid[:, :20] = False
     target_valid = ALL.clone()
     target_valid[:10] = False
-    assert align(source, target, valid & target_valid, "scale").scale == pytest.approx(3.0)
+    assert fit_alignment(source, target, valid & target_valid, "scale").scale == pytest.approx(3.0)
     # A mask that lies about NaN does no harm either.
-    assert align(source, target, ALL, "scale").scale == pytest.approx(3.0)
+    assert fit_alignment(source, target, ALL, "scale").scale == pytest.approx(3.0)
 
 
 def test_a_mirrored_map_has_a_low_share_and_a_positive_scale() -> None:
     target = room()
     z = target[..., 2]
-    found = align(RAYS * (7 - z)[..., None], target, ALL, "scale_shift", options=AlignmentOptions(axes="z"))
+    found = fit_alignment(RAYS * (7 - z)[..., None], target, ALL, "scale_shift", options=AlignmentOptions(axes="z"))
     assert found.scale > 0
     assert found.inlier_share < 0.6
 
@@ -148,7 +150,7 @@ def test_weights_decide_between_two_halves_that_disagree() -> None:
     target, source = room(), room() / 2
     source[:, 40:] /= 1.5
     left = torch.where(torch.arange(COLUMNS) < 40, 1.0, 0.05).expand(ROWS, COLUMNS)
-    first = align(source, target, ALL, "scale", weight=left)
-    second = align(source, target, ALL, "scale", weight=left.flip(1))
+    first = fit_alignment(source, target, ALL, "scale", weight=left)
+    second = fit_alignment(source, target, ALL, "scale", weight=left.flip(1))
     assert (first.scale, second.scale) == (pytest.approx(2.0), pytest.approx(3.0))
     assert first.inlier_share == pytest.approx(1 / 1.05, rel=0.01)

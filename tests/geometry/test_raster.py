@@ -8,7 +8,7 @@ import torch
 import trimesh
 
 from physic_core.body import load_body
-from physic_core.geometry.raster import hidden_by_raster, rasterise
+from physic_core.geometry.raster import hidden_by_raster, rasterize
 from physic_core.geometry.visibility import hidden_from_camera
 
 
@@ -16,10 +16,10 @@ def test_a_triangle_covers_the_pixels_inside_it():
     # Seen from its front, counter-clockwise with x to the right and y down runs the other way round.
     pixels = torch.tensor([[[0.0, 0.0], [0.0, 4.0], [4.0, 0.0]]])
     z = torch.ones(1, 3)
-    got = rasterise(pixels, z, torch.tensor([[0, 1, 2]]), 5, 6)
+    got = rasterize(pixels, z, torch.tensor([[0, 1, 2]]), 5, 6)
     want = [[0 if x + y <= 4 else -1 for x in range(6)] for y in range(5)]
     assert got[0].tolist() == want
-    away = rasterise(pixels, z, torch.tensor([[0, 2, 1]]), 5, 6)
+    away = rasterize(pixels, z, torch.tensor([[0, 2, 1]]), 5, 6)
     assert (away == -1).all()
 
 
@@ -28,7 +28,7 @@ def test_the_nearer_of_two_wins_pixel_by_pixel():
     corners = [[0.0, 0.0], [0.0, 40.0], [40.0, 0.0]]
     pixels = torch.tensor([corners + corners])
     z = torch.tensor([[2.0, 2.0, 2.0, 1.0, 1.0, 4.0]])
-    got = rasterise(pixels, z, torch.tensor([[0, 1, 2], [3, 4, 5]]), 41, 41)[0, 0]
+    got = rasterize(pixels, z, torch.tensor([[0, 1, 2], [3, 4, 5]]), 41, 41)[0, 0]
     # Along the first row 1 / z falls from 1 to 1 / 4: it passes 1 / 2 after two thirds.
     assert (got[:26] == 1).all()
     assert (got[28:] == 0).all()
@@ -37,7 +37,7 @@ def test_the_nearer_of_two_wins_pixel_by_pixel():
 @pytest.mark.parametrize("size", [3, 30, 300])
 def test_triangles_of_every_size_leave_no_gap(size):
     pixels = torch.tensor([[[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]]]) * (size - 1)
-    got = rasterise(pixels, torch.ones(1, 4), torch.tensor([[0, 1, 2], [0, 2, 3]]), size, size)
+    got = rasterize(pixels, torch.ones(1, 4), torch.tensor([[0, 1, 2], [0, 2, 3]]), size, size)
     assert (got >= 0).all()
 
 

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from functools import partial
 
 import pytest
 import torch
 
 from physic_core.errors import PhysicError
-from physic_core.geometry.robust import barron, cauchy, geman_mcclure, loss_with_slope, pseudo_huber, robust_loss
+from physic_core.geometry.robust import cauchy, geman_mcclure, loss_with_slope, pseudo_huber, robust_loss
 
-LOSSES = {
-    "geman_mcclure": geman_mcclure,
-    "cauchy": cauchy,
-    "pseudo_huber": pseudo_huber,
-    **{f"barron {a}": partial(barron, alpha=a) for a in (2.0, 1.5, 1.0, 0.0, -2.0, -math.inf)},
-}
+LOSSES = {"geman_mcclure": geman_mcclure, "cauchy": cauchy, "pseudo_huber": pseudo_huber}
 
 
 @pytest.mark.parametrize("name", LOSSES)
@@ -43,13 +37,6 @@ def test_with_its_derivative_in_units_of_its_scale(kind, c):
     torch.testing.assert_close(derivative, slope)
     assert loss_with_slope(kind, torch.zeros(1), c)[0].item() == 0
     assert torch.isfinite(loss_with_slope(kind, torch.zeros(1), c)[1])
-
-
-def test_barrons_loss_includes_the_named_robust_losses():
-    squared = torch.linspace(0, 50, 40, dtype=torch.float64)
-    torch.testing.assert_close(barron(squared, 1.0, 2.0), pseudo_huber(squared, 2.0))
-    torch.testing.assert_close(barron(squared, 0.0, 2.0), cauchy(squared, 2.0 * math.sqrt(2)))
-    torch.testing.assert_close(barron(squared, -2.0, 2.0), geman_mcclure(squared, 4.0))
 
 
 def test_far_outliers_stop_pulling_only_where_the_loss_redescends():

@@ -29,7 +29,7 @@ from physic_core.pipeline.checks import (
     unknown_checks,
     warning_messages,
 )
-from physic_core.pipeline.checks.result import Measurement, judge
+from physic_core.pipeline.checks.result import Measurement, compare_with_threshold
 from physic_core.pipeline.checks.specs import CheckSpec
 from physic_core.pipeline.measures import Ground, depth_ratio, sole_height, support_gap, visible_share
 from physic_core.pipeline.person_measures import reversed_depths
@@ -267,10 +267,10 @@ def test_failed_checks_of_a_body_are_no_warnings_of_the_result() -> None:
 def test_a_value_at_its_bound_holds_and_beyond_it_does_not() -> None:
     for name, check in CHECKS.items():
         beyond = check.threshold + (1e-6 if check.direction == "at most" else -1e-6)
-        assert judge(Measurement(name, check.threshold, "advice")).state == "ok"
-        assert judge(Measurement(name, beyond, "advice")).state == "failed"
-        assert judge(Measurement(name, beyond, "advice")).direction == check.direction
-        unknown = judge(Measurement(name, math.nan, "advice", unmeasured="no floor"))
+        assert compare_with_threshold(Measurement(name, check.threshold, "advice")).state == "ok"
+        assert compare_with_threshold(Measurement(name, beyond, "advice")).state == "failed"
+        assert compare_with_threshold(Measurement(name, beyond, "advice")).direction == check.direction
+        unknown = compare_with_threshold(Measurement(name, math.nan, "advice", unmeasured="no floor"))
         assert (unknown.state, unknown.value, unknown.message) == ("unknown", None, "not measured: no floor")
         assert (unknown.ok, unknown.failed) == (False, False)
 
@@ -420,7 +420,7 @@ def bound(check: CheckSpec) -> str:
     ],
 )
 def test_a_check_reads_as_label_value_and_bound(name: str, value: float | None, text: str) -> None:
-    check = judge(Measurement(name, value, "advice"))
+    check = compare_with_threshold(Measurement(name, value, "advice"))
     assert str(check) == text
     assert check.message == (
         text if check.ok else "advice" if check.failed else "not measured: there is nothing to measure"

@@ -8,7 +8,7 @@ import pytest
 from physic_core.body import load_body
 from physic_core.errors import BodyModelError
 from physic_core.visual.textures.coordinates import load_texture_coordinates, split_at_seams
-from physic_core.visual.textures.raster import rasterize
+from physic_core.visual.textures.raster import rasterize_texture
 
 
 def test_split_vertices_keep_the_vertex_of_the_body():
@@ -42,7 +42,7 @@ def test_texture_coordinates_come_from_the_smplx_file(tmp_path):
 
 def test_the_texels_of_a_triangle_are_those_inside():
     mesh = split_at_seams(np.array([[0, 1, 2]]), np.array([[0, 1, 2]]), np.array([[0, 0], [1, 0], [0, 1.0]]))
-    raster = rasterize(mesh, 8)
+    raster = rasterize_texture(mesh, 8)
     u, v = (raster.columns + 0.5) / 8, 1 - (raster.rows + 0.5) / 8
     assert len(u) == 8 * 9 / 2
     np.testing.assert_allclose(raster.interpolate(mesh.faces, mesh.uv), np.stack([u, v], 1), atol=1e-7)

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from physic_core.engine.contact.features import KINDS, Distances
 from physic_core.engine.contact.probability import ContactModel, mean_of_surest
-from physic_core.engine.contact.regions import Regions, are_adjacent, is_farther_out
+from physic_core.engine.contact.regions import ContactRegions, are_adjacent, is_farther_out
 from physic_core.types.contacts import NO_PARTNER, BodyContact, ContactPartner
 
 HIDDEN, HIDDEN_SEAT = len(KINDS), len(KINDS) + 1
@@ -38,7 +38,9 @@ class VertexContacts:
     dent: Tensor
 
 
-def assign_partners(touched: Tensor, near: Distances, regions: Regions) -> tuple[tuple[ContactPartner, ...], Tensor]:
+def assign_partners(
+    touched: Tensor, near: Distances, regions: ContactRegions
+) -> tuple[tuple[ContactPartner, ...], Tensor]:
     """Name the partner of each contact vertex.
 
     Args:
@@ -90,7 +92,7 @@ def assign_partners(touched: Tensor, near: Distances, regions: Regions) -> tuple
 def body_contacts(
     person: VertexContacts,
     table: Sequence[ContactPartner],
-    regions: Regions,
+    regions: ContactRegions,
     model: ContactModel | None = None,
     *,
     least: float = 0.0,

@@ -14,7 +14,7 @@ _CHAINS = (("hand", "lower_arm", "upper_arm"), ("foot", "lower_leg", "upper_leg"
 _OUTER_FIRST = ("hand", "lower_arm", "foot", "lower_leg", "upper_arm", "head", "upper_leg", *_TRUNK)
 
 
-class Regions(NamedTuple):
+class ContactRegions(NamedTuple):
     """Body parts.
 
     Attributes:
@@ -26,13 +26,13 @@ class Regions(NamedTuple):
     region: Tensor
 
 
-def contact_regions(model: BodyModel) -> Regions:
+def contact_regions(model: BodyModel) -> ContactRegions:
     """Return the body parts of contacts."""
     names = (*model.part_names, *_OWN_REGIONS.values())
     region = model.part_of_vertex.clone()
     for contact_set, name in _OWN_REGIONS.items():
         region[model.contact_sets[contact_set]] = names.index(name)
-    return Regions(names, region)
+    return ContactRegions(names, region)
 
 
 def are_adjacent(part: str, other: str) -> bool:

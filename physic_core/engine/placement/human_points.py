@@ -13,7 +13,7 @@ from torch import Tensor
 
 from physic_core.engine.placement.method import PlacementMethod
 from physic_core.engine.scene.solve import SceneState
-from physic_core.geometry.alignment import Alignment, align, apply_alignment
+from physic_core.geometry.alignment import Alignment, apply_alignment, fit_alignment
 from physic_core.geometry.pointmap import depth_to_pointmap
 from physic_core.geometry.tensors import all_finite
 from physic_core.types import AffineAmbiguity
@@ -95,7 +95,7 @@ def align_photo_points_to_scene(
     """
     method = method or PlacementMethod()
     background = ~method.grow_mask(photo.people) & (scene_points[..., 2] <= far)
-    return align(
+    return fit_alignment(
         photo.points,
         scene_points,
         photo.valid & scene_valid & background,

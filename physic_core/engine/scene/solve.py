@@ -17,7 +17,7 @@ from torch import Tensor
 from physic_core.engine.scene.camera import Cameras, scene_camera
 from physic_core.engine.scene.method import SceneMethod
 from physic_core.errors import BackendOutputError
-from physic_core.geometry.alignment import Alignment, align, apply_alignment
+from physic_core.geometry.alignment import Alignment, apply_alignment, fit_alignment
 from physic_core.geometry.camera import unproject
 from physic_core.geometry.floor import FloorEvidence, FloorSearch, PlaneFit
 from physic_core.geometry.plane import height_over_plane
@@ -168,7 +168,7 @@ def _align_to_metric(given: SceneInput, method: SceneMethod) -> Alignment:
     else:
         target = torch.stack((torch.zeros_like(depth), torch.zeros_like(depth), depth), -1)
     options = replace(method.alignment, axes="z") if camera is None else method.alignment
-    return align(given.points, target, given.valid & metric_valid, given.unknown, options=options)
+    return fit_alignment(given.points, target, given.valid & metric_valid, given.unknown, options=options)
 
 
 def _metric_points(given: SceneInput, alignment: Alignment, method: SceneMethod) -> tuple[Tensor, Tensor, Tensor]:

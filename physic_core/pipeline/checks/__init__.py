@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 from physic_core.pipeline.checks.person import check_person
 from physic_core.pipeline.checks.photo import check_photo
 from physic_core.pipeline.checks.result import (
+    compare_with_threshold,
     failed_checks,
     grade_person,
     grade_photo,
-    judge,
     unknown_checks,
     warning_messages,
 )
@@ -40,7 +40,7 @@ __all__ = [
 
 def run_checks(estimates: Estimates, solution: Solution, settings: EngineSettings) -> tuple[CheckResult, ...]:
     """Run all self-checks, first of the photo, then of each person, in the order of ``CHECKS``."""
-    found = [judge(one) for one in check_photo(estimates, solution, settings)]
+    found = [compare_with_threshold(one) for one in check_photo(estimates, solution, settings)]
     for person in range(len(solution.people)):
-        found += [judge(one, person) for one in check_person(estimates, solution, person)]
+        found += [compare_with_threshold(one, person) for one in check_person(estimates, solution, person)]
     return tuple(found)

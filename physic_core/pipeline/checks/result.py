@@ -33,7 +33,7 @@ class Measurement:
     threshold: float | None = None
 
 
-def judge(found: Measurement, person: int | None = None) -> CheckResult:
+def compare_with_threshold(found: Measurement, person: int | None = None) -> CheckResult:
     """Compare a measurement with the threshold of its check; ``person`` is None for a check of the photo."""
     check, value = CHECKS[found.name], found.value
     bound = check.threshold if found.threshold is None else found.threshold

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.pipeline.checks.keypoints import limb_keypoint_error
-from physic_core.pipeline.checks.result import Measurement, grade_photo, judge, warning_messages
+from physic_core.pipeline.checks.result import Measurement, compare_with_threshold, grade_photo, warning_messages
 from physic_core.types.main_people import main_people
 
 if TYPE_CHECKING:
@@ -30,7 +30,9 @@ def with_cameras(
         measured: photo, name, value (None if unknown) and advice of further checks.
     """
     cameras = tuple(cameras)
-    further = (_of_photo(judge(Measurement(name, value, why)), photo) for photo, name, value, why in measured)
+    further = (
+        _of_photo(compare_with_threshold(Measurement(name, value, why)), photo) for photo, name, value, why in measured
+    )
     found = (*_check_views(result, cameras[1:]), *further)
     checks = (*result.checks, *found)
     main = main_people([person.box for person in result.people])
@@ -65,7 +67,7 @@ def _check_views(result: Reconstruction, cameras: Sequence[CameraView]) -> Itera
             "its row in preview.png, and leave the photo out",
             unmeasured=f"no person has enough confident keypoints in {camera.photo}",
         )
-        yield _of_photo(judge(found), camera.photo)
+        yield _of_photo(compare_with_threshold(found), camera.photo)
 
 
 def _of_photo(check: CheckResult, photo: str) -> CheckResult:

@@ -20,7 +20,7 @@ from physic_core.geometry.upright import up_in_camera
 from physic_core.visual.palette import BODY_RGB
 from physic_core.visual.textures.coordinates import TextureCoordinates, load_texture_coordinates
 from physic_core.visual.textures.photo import caster_of_bodies, photo_colors
-from physic_core.visual.textures.raster import TextureRaster, rasterize
+from physic_core.visual.textures.raster import TextureRaster, rasterize_texture
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -132,7 +132,7 @@ def embedded_coordinates() -> TextureCoordinates:
 @lru_cache(maxsize=len(SIZES))
 def embedded_raster(size: int) -> TextureRaster:
     """Return the texels of the embedded body in a texture of ``size`` x ``size``."""
-    return rasterize(embedded_coordinates(), size)
+    return rasterize_texture(embedded_coordinates(), size)
 
 
 def _faded(vertices: Array, faces: NDArray[np.int64], photo: Array, weight: Array, tone: Array) -> Array:

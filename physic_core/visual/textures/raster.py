@@ -45,7 +45,7 @@ class TextureRaster:
         return pad_texture(image, inside)
 
 
-def rasterize(mesh: TextureCoordinates, size: int) -> TextureRaster:
+def rasterize_texture(mesh: TextureCoordinates, size: int) -> TextureRaster:
     """Return the texels whose centres lie in the triangles of a mesh; of overlapping triangles, the first one's."""
     places = np.stack([mesh.uv[:, 0] * size - 0.5, (1 - mesh.uv[:, 1]) * size - 0.5], 1).astype(np.float64)
     corners = places[mesh.faces]

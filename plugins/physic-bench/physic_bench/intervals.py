@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.metrics import Figure, draw_counts, percentile_interval
+from physic_core.metrics import ValueWithInterval, draw_counts, percentile_interval
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -22,16 +22,16 @@ if TYPE_CHECKING:
     Record = Mapping[str, Any]
 
 
-def figure(records: Sequence[Record], column: Column) -> Figure:
+def figure(records: Sequence[Record], column: Column) -> ValueWithInterval:
     """Return a column's figure over the records of one method."""
     sums, count = _group_sums(records, column, _group_key(records))
     if not len(sums):
-        return Figure(np.nan)
+        return ValueWithInterval(np.nan)
     draws = column.value(draw_counts(len(sums)) @ sums)
     return _figure(float(column.value(sums.sum(0))), draws, count, len(sums))
 
 
-def difference(first: Sequence[Record], second: Sequence[Record], column: Column) -> Figure:
+def difference(first: Sequence[Record], second: Sequence[Record], column: Column) -> ValueWithInterval:
     """Return second minus first over the people for whom both methods have a value; both get the same draws."""
     known = [{(r["frame"], r["person"]) for r in records if column.sums(r) is not None} for records in (first, second)]
     both = known[0] & known[1]
@@ -40,7 +40,7 @@ def difference(first: Sequence[Record], second: Sequence[Record], column: Column
         for records in (first, second)
     ]
     if not both:
-        return Figure(np.nan)
+        return ValueWithInterval(np.nan)
     key = _group_key(kept[0])
     (one, count), (two, _) = (_group_sums(records, column, key) for records in kept)
     weights = draw_counts(len(one))
@@ -68,7 +68,7 @@ def _group_sums(records: Sequence[Record], column: Column, key: Callable[[Record
     return np.array([groups[name] for name in sorted(groups)]), count
 
 
-def _figure(value: float, draws: Array, count: int, groups: int) -> Figure:
+def _figure(value: float, draws: Array, count: int, groups: int) -> ValueWithInterval:
     """Return a figure; one group has no interval."""
     low, high = percentile_interval(draws) if groups > 1 else (np.nan, np.nan)
-    return Figure(value, low, high, count, groups)
+    return ValueWithInterval(value, low, high, count, groups)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from physic_bench.intervals import difference, figure
 from physic_bench.metrics import columns_for
-from physic_core.metrics import Figure, aligned_table, markdown_table
+from physic_core.metrics import ValueWithInterval, aligned_table, markdown_table
 
 if TYPE_CHECKING:
     from physic_bench.metrics import Column
@@ -34,8 +34,8 @@ class Tables:
 
     methods: tuple[str, ...]
     columns: tuple[Column, ...]
-    figures: Mapping[str, Mapping[str, Figure]]
-    differences: Mapping[str, Mapping[str, Figure]]
+    figures: Mapping[str, Mapping[str, ValueWithInterval]]
+    differences: Mapping[str, Mapping[str, ValueWithInterval]]
     contact: str
     common: Mapping[str, tuple[int, int]]
 
@@ -128,7 +128,7 @@ def _difference_rows(tables: Tables) -> list[list[str]]:
     return rows
 
 
-def _with_interval(column: Column, found: Figure, *, signed: bool = False) -> str:
+def _with_interval(column: Column, found: ValueWithInterval, *, signed: bool = False) -> str:
     text = column.text(found.value)
     if signed and text != "-" and not text.startswith("-"):
         text = f"+{text}"

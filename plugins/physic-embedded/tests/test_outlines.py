@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from physic_core.geometry.raster import rasterise
+from physic_core.geometry.raster import rasterize
 from physic_core.types import Hints, Pointmap
 from physic_embedded.body_estimator import EmbeddedBodies
 
@@ -23,7 +23,7 @@ def silhouette(vertices: np.ndarray) -> np.ndarray:
     pixels = vertices @ K.T
     pixels = pixels[:, :2] / pixels[:, 2:]
     z = torch.tensor(vertices[None, :, 2]).float()
-    return rasterise(torch.tensor(pixels[None]).float(), z, MODEL.faces, *IMAGE.shape[:2])[0].numpy() >= 0
+    return rasterize(torch.tensor(pixels[None]).float(), z, MODEL.faces, *IMAGE.shape[:2])[0].numpy() >= 0
 
 
 def with_masks(seen: Truth, *masks: np.ndarray) -> Truth:

@@ -11,7 +11,7 @@ import roma
 import torch
 
 from physic_core import ExportedFiles, ExportRequest
-from physic_core.visual.glb import Look, body_material, build_glb, glb_notes, photo_look, textured_scene
+from physic_core.visual.glb import Appearance, body_material, build_glb, glb_notes, photo_appearance, textured_scene
 from physic_core.visual.palette import BODY_RGB
 from physic_core.visual.rig import rigs
 from physic_core.visual.textures.pictures import encode_image
@@ -48,7 +48,7 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
     colors = skins_of(request)
     textured = colors.textured
 
-    def look(glb: GlbBuilder, index: int, _: ExportRequest) -> Look:
+    def look(glb: GlbBuilder, index: int, _: ExportRequest) -> Appearance:
         return body_look(glb, index, colors)
 
     background = textured_scene(result, request.frame) if request.scene else None
@@ -64,15 +64,15 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
     return ExportedFiles(files, (*colors.notes, *glb_notes(request, skins)))
 
 
-def body_look(glb: GlbBuilder, index: int, colors: Skins) -> Look:
+def body_look(glb: GlbBuilder, index: int, colors: Skins) -> Appearance:
     """Return the materials of a person, as variants, and their texture coordinates."""
     textured, request = colors.textured, colors.request
     if textured is None:
-        return Look(body_material("body", BODY_RGB))
+        return Appearance(body_material("body", BODY_RGB))
     texture, mesh = textured.textures[index], textured.mesh
     contact = encode_image(textured.contact_image(request.result, index), "PNG"), "image/png"
     photo, skin = encode_image(texture.image, "JPEG"), str(request.options["skin"])
-    look = photo_look(glb, f"person_{index}", photo, contact, mesh, texture.shown, skin)
+    look = photo_appearance(glb, f"person_{index}", photo, contact, mesh, texture.shown, skin)
     return replace(look, attributes={**look.attributes, "_FILLED": texture.vertex_filled[mesh.vertex]})
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from physic_core.files.own import MARK
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.palette import person_color
-from physic_core.visual.render import View, composite, prepare_meshes, render_mesh
+from physic_core.visual.render import View, blend_over, prepare_meshes, render_mesh
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -104,8 +104,8 @@ def _draw(vertices: Array, motion: Motion, ground: Mesh) -> NDArray[np.uint8]:
     if below is None or body is None:
         return np.round(255 * picture).astype(np.uint8)
     scene = render_mesh(below, camera, ground[2])
-    picture = composite(scene, picture)
+    picture = blend_over(scene, picture)
     person = render_mesh(body, camera, np.tile(np.array(person_color(motion.person)) / 255, (len(vertices), 1)))
     covered = (scene.distance < person.distance)[..., None]
-    picture = np.where(covered, composite(person, picture, _COVERED), composite(person, picture))
+    picture = np.where(covered, blend_over(person, picture, _COVERED), blend_over(person, picture))
     return np.round(255 * picture).astype(np.uint8)

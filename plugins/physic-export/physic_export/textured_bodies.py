@@ -21,7 +21,7 @@ from physic_core.visual.palette import BODY_RGB, contact_colors
 from physic_core.visual.rig import body_of_result
 from physic_core.visual.textures.coordinates import TextureCoordinates, load_texture_coordinates
 from physic_core.visual.textures.photo import NEAREST_WEIGHT, caster_of_bodies, photo_colors
-from physic_core.visual.textures.raster import TextureRaster, rasterize
+from physic_core.visual.textures.raster import TextureRaster, rasterize_texture
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -102,7 +102,7 @@ def textured_bodies(request: ExportRequest, size: int) -> TexturedBodies:
 def _mesh(source: str, size: int) -> tuple[TextureCoordinates, TextureRaster]:
     faces = load_body(source if source == "embedded" else Path(source)).faces.numpy()
     mesh = load_texture_coordinates(source, faces)
-    return mesh, rasterize(mesh, size)
+    return mesh, rasterize_texture(mesh, size)
 
 
 def _texture(

@@ -7,9 +7,9 @@ import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from physic_core.cache.folders import cache_folder
 from physic_core.errors import DownloadError
 from physic_core.files.atomic import atomic_write, check_writable
-from physic_core.weights.folders import default_download_folder
 from physic_core.weights.locate import locate_files
 from physic_core.weights.lock import locked
 from physic_core.weights.manifest import HubSource, WebSource, WeightFile, WeightSet
@@ -112,7 +112,7 @@ def _refuse_other_sizes(weights: WeightSet, here: Mapping[str, Path]) -> None:
 
 
 def _folder(to: Path | None) -> Path:
-    folder = default_download_folder() if to is None else to
+    folder = cache_folder("weights") if to is None else to
     if folder is None:
         raise DownloadError("there is no home folder for weights: choose a folder with --to")
     return folder

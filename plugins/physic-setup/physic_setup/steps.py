@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from physic_core import engine_preset_names
 from physic_core.adapters.checkouts import NON_COMMERCIAL, PIP_NAMES
+from physic_core.cache.folders import cache_folder
 from physic_core.configuration.model import load_config
 from physic_core.configuration.problems import ProblemReport
 from physic_core.configuration.resolve import named_weights, resolve
 from physic_core.discovery.catalog import ENERGIES, distribution_for, sources_in_checkout
 from physic_core.errors import BackendNotFoundError, ConfigError
 from physic_core.interfaces import INTERFACES, GpuMemory, Packages, Repository, UserFile
-from physic_core.weights.folders import default_download_folder
 from physic_core.weights.locate import locate_files
 from physic_core.weights.lock import read_lock
 from physic_setup.pins import pin, pin_files
@@ -268,7 +268,7 @@ def _restricted_weights(weights: WeightSet) -> SetupStep:
     if _is_complete(weights):
         return SetupStep(title, True)
     by_hand = [file.path for file in weights.files if not file.source]
-    place = default_download_folder()
+    place = cache_folder("weights")
     into = (f"put {', '.join(by_hand)} into {place / weights.name}",) if by_hand and place is not None else ()
     return SetupStep(title, False, by_hand=(f"licence: {weights.homepage}", weights.how_to_get(), *into))
 

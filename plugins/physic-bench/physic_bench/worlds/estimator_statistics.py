@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from physic_core.metrics import Figure, markdown_table, resampled_interval
+from physic_core.metrics import ValueWithInterval, markdown_table, resampled_interval
 
 Record = Mapping[str, Any]
 Records = Sequence[Record]
@@ -127,12 +127,12 @@ STATISTICS: dict[str, Statistic] = {
 """Label of each statistic -> how it is computed."""
 
 
-def statistics_of(records: Mapping[str, Records]) -> dict[str, Figure]:
+def statistics_of(records: Mapping[str, Records]) -> dict[str, ValueWithInterval]:
     """Return every statistic of the records by kind; each has its "photo"."""
     return {label: _figure(records.get(statistic.kind, ()), statistic) for label, statistic in STATISTICS.items()}
 
 
-def text_of(figures: Mapping[str, Figure]) -> str:
+def text_of(figures: Mapping[str, ValueWithInterval]) -> str:
     """Format figures as a Markdown table."""
     rows = [["statistic", "value", "95 % interval", "of"]]
     for label, f in figures.items():
@@ -142,7 +142,7 @@ def text_of(figures: Mapping[str, Figure]) -> str:
     return markdown_table(rows)
 
 
-def _figure(records: Records, statistic: Statistic) -> Figure:
+def _figure(records: Records, statistic: Statistic) -> ValueWithInterval:
     """Return a statistic with its interval; NaN without a value, no interval of fewer than three photos."""
     photos: dict[str, list[float]] = {}
     for record in records:
@@ -152,11 +152,11 @@ def _figure(records: Records, statistic: Statistic) -> Figure:
     groups = list(photos.values())
     every = [v for group in groups for v in group]
     if not every:
-        return Figure(math.nan)
+        return ValueWithInterval(math.nan)
     value = statistic.reduce(every)
     if len(groups) < 3:
-        return Figure(value, count=len(every))
+        return ValueWithInterval(value, count=len(every))
     between = resampled_interval(
         [groups], lambda drawn: statistic.reduce([v for group in drawn[0] for v in group]), _DRAWS
     )
-    return Figure(value, *between, len(every))
+    return ValueWithInterval(value, *between, len(every))

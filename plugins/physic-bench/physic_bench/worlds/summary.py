@@ -15,7 +15,7 @@ import numpy as np
 
 from physic_bench.worlds.contact_partners import BINS
 from physic_bench.worlds.evaluation import PERSON_METRICS, WORLD_METRICS
-from physic_core.metrics import Figure, draw_counts, percentile_interval
+from physic_core.metrics import ValueWithInterval, draw_counts, percentile_interval
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
@@ -43,7 +43,7 @@ class RowStatistics:
             them are in contact.
     """
 
-    figures: Mapping[str, Figure]
+    figures: Mapping[str, ValueWithInterval]
     people: int
     missed: int
     left_at_start: int
@@ -97,7 +97,7 @@ def row_statistics(records: Sequence[Mapping[str, Any]], row: str) -> RowStatist
     )
 
 
-def truth_statistics(records: Sequence[Mapping[str, Any]]) -> Mapping[str, Figure]:
+def truth_statistics(records: Sequence[Mapping[str, Any]]) -> Mapping[str, ValueWithInterval]:
     """Average the contact metrics of the ground truth itself, the lower bound for reconstructions."""
     people = [[person["measured"] for person in record["people"]] for record in records]
     names = [
@@ -108,11 +108,11 @@ def truth_statistics(records: Sequence[Mapping[str, Any]]) -> Mapping[str, Figur
     return _with_intervals({name: _ratio(people, name) for name in names})[0]
 
 
-def row_difference(row: RowStatistics, base: RowStatistics, name: str) -> Figure:
+def row_difference(row: RowStatistics, base: RowStatistics, name: str) -> ValueWithInterval:
     """Return the mean difference of one metric between two rows, with its bootstrap interval."""
     spread = row.draws[name] - base.draws[name]
     low, high = percentile_interval(spread)
-    return Figure(
+    return ValueWithInterval(
         row.figures[name].value - base.figures[name].value,
         low,
         high,
@@ -181,7 +181,7 @@ def _reliability(people: Sequence[Sequence[Mapping[str, Any]]], name: str) -> Fl
     return np.array([np.sum([person.get(name, empty) for person in those] or [empty], axis=0) for those in people])
 
 
-def _calibration_error(bins: FloatArray) -> tuple[Figure, FloatArray]:
+def _calibration_error(bins: FloatArray) -> tuple[ValueWithInterval, FloatArray]:
     """Return the expected calibration error over some bins (W, b, 3) of each world, and its bootstrap draws."""
     off, count = bins[:, :, 1] - bins[:, :, 2], bins[:, :, 0].sum(axis=1)
 
@@ -192,7 +192,7 @@ def _calibration_error(bins: FloatArray) -> tuple[Figure, FloatArray]:
 
     draws = error(draw_counts(len(bins)))
     value = float(error(np.ones((1, len(bins))))[0])
-    return Figure(value, *percentile_interval(draws), int(count.sum())), draws
+    return ValueWithInterval(value, *percentile_interval(draws), int(count.sum())), draws
 
 
 def _paired_change(
@@ -211,7 +211,7 @@ def _paired_change(
     return float(moved.mean()), float(quantile * moved.std(ddof=1) / np.sqrt(len(moved)))
 
 
-def _with_intervals(ratios: Mapping[str, _Ratio]) -> tuple[dict[str, Figure], dict[str, FloatArray]]:
+def _with_intervals(ratios: Mapping[str, _Ratio]) -> tuple[dict[str, ValueWithInterval], dict[str, FloatArray]]:
     """Return the statistics and bootstrap draws of all metrics."""
     worlds = len(next(iter(ratios.values())).total)
     draws = {name: ratio.value(draw_counts(worlds)) for name, ratio in ratios.items()}
@@ -222,7 +222,10 @@ def _with_intervals(ratios: Mapping[str, _Ratio]) -> tuple[dict[str, Figure], di
             draws[made] = _harmonics(*(draws[part] for part in parts))
             values[made] = _harmonic(*(values[part] for part in parts))
             counts[made] = counts[parts[0]]
-    answer = {name: Figure(value, *percentile_interval(draws[name]), counts[name]) for name, value in values.items()}
+    answer = {
+        name: ValueWithInterval(value, *percentile_interval(draws[name]), counts[name])
+        for name, value in values.items()
+    }
     return answer, draws
 
 

@@ -16,7 +16,7 @@ from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.model import BodyModel
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.geometry.camera import pixel_grid, project, unproject
-from physic_core.geometry.raster import rasterise
+from physic_core.geometry.raster import rasterize
 from physic_core.geometry.rotations import rotvec_to_rotmat
 from physic_testing.worlds.skeletons import BLAZEPOSE
 
@@ -146,7 +146,7 @@ def _render_masks_and_depth(
 ) -> tuple[Tensor, Tensor]:
     """Return the visible masks (B, H, W) of the people and the depth (H, W) of the photo."""
     uv = project(vertices, K)
-    faces = rasterise(uv, vertices[..., 2], model.faces, height, width)
+    faces = rasterize(uv, vertices[..., 2], model.faces, height, width)
     people = torch.arange(len(vertices))[:, None, None]
     z = vertices[..., 2][people[..., None], model.faces[faces.clamp(min=0)]].mean(-1)
     z = torch.where(faces >= 0, z, torch.inf)

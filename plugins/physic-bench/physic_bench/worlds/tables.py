@@ -14,7 +14,7 @@ from physic_core.metrics import aligned_table, markdown_table
 
 if TYPE_CHECKING:
     from physic_bench.worlds.summary import RowStatistics
-    from physic_core.metrics import Figure
+    from physic_core.metrics import ValueWithInterval
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ _Rows = Mapping[str, "RowStatistics"]
 def accuracy_tables(
     rows: _Rows,
     labels: Mapping[str, str],
-    truth: Mapping[str, Figure],
+    truth: Mapping[str, ValueWithInterval],
     actions: Mapping[str, Mapping[str, Mapping[str, Any]]],
     blind: Sequence[str] = (),
 ) -> tuple[Table, ...]:
@@ -273,7 +273,7 @@ def _action_table(actions: Mapping[str, Mapping[str, Mapping[str, Any]]], labels
     return [Table(f"By action: {labels[chosen]}", tuple(head), tuple(body), notes)]
 
 
-def _text(figure: Figure | None, column: Column) -> str:
+def _text(figure: ValueWithInterval | None, column: Column) -> str:
     """Format a statistic."""
     if figure is None or not math.isfinite(figure.value):
         return "–"

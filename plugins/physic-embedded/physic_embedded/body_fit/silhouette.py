@@ -16,7 +16,7 @@ import torch
 from scipy.spatial import cKDTree
 
 from physic_core.body import JOINT_NAMES
-from physic_core.geometry.raster import rasterise
+from physic_core.geometry.raster import rasterize
 from physic_embedded.body_fit.outline_pairs import OutlinePairs
 
 if TYPE_CHECKING:
@@ -198,7 +198,7 @@ def _crop(
     def cut(picture: FloatArray, outside: float, how: int) -> FloatArray:
         return np.asarray(cv2.warpAffine(picture, to_crop, (width, height), flags=how, borderValue=outside))
 
-    face = rasterise(
+    face = rasterize(
         torch.from_numpy((pixels - low) * scale)[None].float(),
         torch.from_numpy(vertices[None, :, 2]).float(),
         model.faces,
