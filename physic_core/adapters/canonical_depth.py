@@ -54,7 +54,7 @@ def depth_from_canonical(raw: FloatArray, focal_px: float, canonical_focal_px: f
     Args:
         raw: (h, w) depth for the canonical camera, m.
         focal_px: focal length of the network's input image, px: the photo's focal length times the resize factor.
-        canonical_focal_px: 1000 for Metric3D v2, 300 for Depth Anything 3, or the network's own estimate.
+        canonical_focal_px: 300 for Depth Anything 3, or the network's own estimate.
 
     Returns:
         (h, w) float32 metres along z.

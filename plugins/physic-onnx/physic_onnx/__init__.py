@@ -74,16 +74,6 @@ def physic_backends() -> list[BackendRecord]:
             weights=("depth-anything-3-metric-large",),
         ),
         BackendRecord(
-            "metric_depth",
-            "metric3d-v2-onnx",
-            "physic_onnx.metric3d:Metric3d",
-            api=1,
-            summary="Metric3D v2; needs the focal length",
-            weights_license="BSD-2-Clause (Metric3D v2)",
-            needs=("weights",),
-            weights=("metric3d-v2-small",),
-        ),
-        BackendRecord(
             "relative_pointmap",
             "moge-2-onnx",
             "physic_onnx.moge:Moge2Pointmap",
@@ -122,16 +112,6 @@ def physic_backends() -> list[BackendRecord]:
             weights_license="Apache-2.0 (MMPose)",
             needs=("weights",),
             weights=("rtmw-l-384x288",),
-        ),
-        BackendRecord(
-            "keypoint_detector",
-            "rtmo-onnx",
-            "physic_onnx.rtmo:Rtmo",
-            api=1,
-            summary="RTMO: 17 keypoints of all people at once",
-            weights_license="Apache-2.0 (MMPose)",
-            needs=("weights",),
-            weights=("rtmo-l",),
         ),
         BackendRecord(
             "body_estimator",

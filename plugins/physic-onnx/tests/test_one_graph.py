@@ -8,15 +8,13 @@ import numpy as np
 import pytest
 
 from physic_core.errors import BackendError, WeightsMissingError
-from physic_core.types import Hints, Intrinsics
 from physic_core.weights import read_manifest
 from physic_onnx.depth_anything import DepthAnythingMetric, DepthAnythingRelative
 from physic_onnx.depth_anything_3 import DepthAnything3
 from physic_onnx.depth_maps import fixed_input_size, mask_depth, squeeze_map
-from physic_onnx.metric3d import Metric3d, Metric3dOptions
 from physic_onnx.one_graph import MANIFEST, find_graph_file
 
-ADAPTERS = (DepthAnythingMetric, DepthAnythingRelative, DepthAnything3, Metric3d)
+ADAPTERS = (DepthAnythingMetric, DepthAnythingRelative, DepthAnything3)
 
 
 @pytest.fixture
@@ -48,24 +46,13 @@ class TestFile:
             find_graph_file(str(tmp_path))
 
     def test_an_unknown_name_gets_a_known_one_suggested(self):
-        with pytest.raises(WeightsMissingError, match="Did you mean 'metric3d-v2-small'"):
-            find_graph_file("metric3d-v2-smal")
+        with pytest.raises(WeightsMissingError, match="Did you mean 'depth-anything-v2-large'"):
+            find_graph_file("depth-anything-v2-larg")
 
     def test_fingerprint_is_of_the_file(self, depth_file):
-        first = Metric3d(Metric3dOptions(weights=str(depth_file))).fingerprint()
+        first = DepthAnythingMetric(DepthAnythingMetric.Options(weights=str(depth_file))).fingerprint()
         depth_file.write_bytes(depth_file.read_bytes() + b"\n")
-        assert first != Metric3d(Metric3dOptions(weights=str(depth_file))).fingerprint() != ""
-
-
-class TestPrecision:
-    def test_half_precision_is_fed_and_read(self, depth_file):
-        backend = Metric3d(Metric3dOptions(weights=str(depth_file)))
-        backend.load()
-        image = np.zeros((56, 112, 3), np.uint8)
-        image[..., 0] = np.arange(50, 162)[None, :]
-        depth = backend.infer(image, Hints(intrinsics=Intrinsics.from_focal(100.0, 112, 56))).depth
-        assert depth.dtype == np.float32
-        np.testing.assert_allclose(depth, np.arange(50, 162)[None, :] * np.ones((56, 1)) / 10, rtol=1e-3)
+        assert first != DepthAnythingMetric(DepthAnythingMetric.Options(weights=str(depth_file))).fingerprint() != ""
 
 
 class TestMaps:
