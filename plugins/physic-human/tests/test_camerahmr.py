@@ -233,7 +233,14 @@ OPTIONS: dict[str, str] = {}
 """Filled by the fixture of the made-up file."""
 
 
-@parametrize_with_checks("body_estimator", CameraHmrOnWorlds, options=lambda world: OPTIONS)
+# The network knows the mean shape of SMPL only, whose joints lie elsewhere than those of SMPL-X: 37 mm at worst.
+@parametrize_with_checks(
+    "body_estimator",
+    CameraHmrOnWorlds,
+    options=lambda world: OPTIONS,
+    capabilities={"exact"},
+    exact_limits={"MPJPE, mm": 40},
+)
 def test_camerahmr_conforms(check: Callable[[], None], smpl_file: Path) -> None:
     OPTIONS["smpl_file"] = str(smpl_file)
     check()

@@ -144,7 +144,10 @@ OPTIONS: dict[str, str] = {}
 """Filled by the fixture of the made-up file."""
 
 
-@parametrize_with_checks("contact_prior", DecoOnWorlds, options=lambda world: OPTIONS)
+# The labels of SMPL's 6890 vertices are transferred to a finer mesh, and differ at the borders of the contact.
+@parametrize_with_checks(
+    "contact_prior", DecoOnWorlds, options=lambda world: OPTIONS, capabilities={"exact"}, exact_limits={"F1": 0.89}
+)
 def test_deco_conforms(check: Callable[[], None], smpl_file: Path) -> None:
     OPTIONS["smpl_file"] = str(smpl_file)
     check()

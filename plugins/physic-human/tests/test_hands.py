@@ -229,6 +229,6 @@ class WilorOnWorlds(CropsOnWorlds, Wilor):
     perfect_network = PerfectWilor
 
 
-@parametrize_with_checks("hand_estimator", WilorOnWorlds, options={"least_size_px": 8})
+@parametrize_with_checks("hand_estimator", WilorOnWorlds, options={"least_size_px": 8}, capabilities={"exact"})
 def test_wilor_conforms(check: Callable[[], None]) -> None:
     check()

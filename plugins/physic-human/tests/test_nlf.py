@@ -290,12 +290,12 @@ class NlfOnWorlds(Nlf):
         self._network = PerfectNlf()
 
 
-@parametrize_with_checks("body_estimator", NlfOnWorlds)
+@parametrize_with_checks("body_estimator", NlfOnWorlds, capabilities={"exact"})
 def test_nlf_conforms(check: Callable[[], None]) -> None:
     check()
 
 
-@parametrize_with_checks("body_estimator", NlfOnWorlds, options={"body": "smpl"})
+@parametrize_with_checks("body_estimator", NlfOnWorlds, options={"body": "smpl"}, capabilities={"exact"})
 def test_nlf_with_smpl_conforms(check: Callable[[], None]) -> None:
     check()
 

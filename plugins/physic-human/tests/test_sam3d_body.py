@@ -372,7 +372,8 @@ class SamOnWorlds(OnWorlds, Sam3dBody):
     capabilities = frozenset()
 
 
-@parametrize_with_checks("body_estimator", SamOnWorlds, capabilities=())
+# The body is fitted to 70 keypoints, which leaves 15 mm for a seated person.
+@parametrize_with_checks("body_estimator", SamOnWorlds, capabilities={"exact"}, exact_limits={"MPJPE, mm": 16})
 def test_sam_3d_body_conforms(check: Callable[[], None]) -> None:
     check()
 

@@ -191,6 +191,7 @@ def stand_in() -> Callable[[type, Callable[[Any], Iterable[StandInNetwork]]], ty
 
     def make(kind: type, attach: Callable[[Any], Iterable[StandInNetwork]]) -> type:
         class StandIn(kind):  # type: ignore[misc, valid-type]
+            capabilities = frozenset(getattr(kind, "capabilities", ())) | {"exact"}
             _stand_ins: tuple[StandInNetwork, ...] = ()
 
             def load(self, device: str = "cpu") -> None:

@@ -181,6 +181,9 @@ def stand_in_instanthmr(stand_in: Any, stand_in_network: Any) -> type:
 
 
 def test_conformance(stand_in: Any, stand_in_network: Any) -> None:
-    report = check_backend(stand_in_instanthmr(stand_in, stand_in_network), "body_estimator")
+    # The body is fitted to 70 keypoints, which leaves 15 mm for a seated person.
+    report = check_backend(
+        stand_in_instanthmr(stand_in, stand_in_network), "body_estimator", exact_limits={"MPJPE, mm": 16}
+    )
     print(report.summary, report.accuracy)
     report.raise_if_failed()

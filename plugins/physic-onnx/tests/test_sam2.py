@@ -557,7 +557,8 @@ def sam2(stand_in, stand_in_network):
     ("signature", "detector"), [("transformers.js", rt_detr), ("samexporter", yolox), ("samexporter", rtmo)]
 )
 def test_conformance(sam2, signature, detector):
-    report = check_backend(sam2(signature, detector))
+    # The network's masks have 256 x 256 cells, each of more than a pixel in these photos.
+    report = check_backend(sam2(signature, detector), exact_limits={"IoU": 0.97})
     report.raise_if_failed()
     print(report.text)
 

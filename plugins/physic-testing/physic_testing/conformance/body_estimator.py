@@ -38,6 +38,9 @@ MIN_INSIDE, MARGIN = 0.6, 0.25
 MAX_ACROSS_M, MAX_DISTANCE, MAX_TURN_DEG = 0.05, 1.2, 6.0
 """Mean error across the line of sight, factor on the distance and mean rotation that are taken for none."""
 
+MUCH_CLEARER = 0.6
+"""As of ``expect_no_better``: another order leaves a quarter of the wrong joints."""
+
 MAX_JOINT_TO_MESH_M = 0.1
 _KNOWN = ("embedded", "smplx")
 _BODY = 22
@@ -219,11 +222,13 @@ def check_joints_are_in_order(subject: BackendUnderTest) -> None:
 
 def check_observed_is_true_in_sight(subject: BackendUnderTest) -> None:
     """`observed`, if given, is more often True for joints in sight than for hidden ones."""
-    more = []
+    more, wrong, mirrored = [], [], []
     for case, bodies in subject.evidence():
         if bodies.observed is None:
             raise CheckSkipped("it returns no `observed`")
         for own, seen in zip(bodies.observed[:, :_BODY], case.truth.joints_visible[:, :_BODY], strict=True):
+            wrong.append(float((own != seen).mean()))
+            mirrored.append(float((own[mirrored_order(JOINT_NAMES[:_BODY])] != seen).mean()))
             if 0 < seen.sum() < len(seen):
                 more.append(own[seen].mean() - own[~seen].mean())
     mean, margin = mean_and_margin(np.array(more))
@@ -232,6 +237,14 @@ def check_observed_is_true_in_sight(subject: BackendUnderTest) -> None:
         "True for joints in sight, and False for hidden ones",
         f"{mean:+.0%} more True values in sight, with three standard errors of {margin:.0%}",
         "Is it inverted, or True for all joints? Return None if the network does not tell.",
+    )
+    expect_no_better(
+        np.array(wrong),
+        {"of the other side": np.array(mirrored)},
+        0.01,
+        "True for joints in sight, share of joints",
+        {"of the other side": "Was the output for a mirrored photo mirrored back?"},
+        clearly=MUCH_CLEARER,
     )
 
 

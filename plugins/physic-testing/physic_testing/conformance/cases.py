@@ -35,16 +35,18 @@ CASES: dict[str, str] = {
     "sitting": "two people side by side on a seat",
     "squatting": "one person who squats",
     "leaning": "one person who leans on a wall",
-    "walking, large": "one person who walks, three times as wide and high",
+    "striding": "one person who walks, with one hand hidden",
+    "crouching": "one person who squats, with one hand hidden",
+    "striding, large": "one person who walks, with one hand hidden, three times as wide and high",
     "sitting, large": "two people side by side on a seat, three times as wide and high",
-    "squatting, large": "one person who squats, three times as wide and high",
+    "crouching, large": "one person who squats, with one hand hidden, three times as wide and high",
 }
 """Name of each photo -> description."""
 
 EVIDENCE = ("one person", "several people", "walking", "sitting", "squatting", "leaning")
 """Photos over which bias is measured: different people, poses, rooms, cameras and sizes."""
 
-EVIDENCE_OF_HANDS = ("close", "walking, large", "sitting, large", "squatting, large")
+EVIDENCE_OF_HANDS = ("close", "striding, large", "sitting, large", "crouching, large")
 """The same for hands, which are too small in the others: at 320 x 240 px, a hand has 8 to 15 px."""
 
 _LARGE = 3
@@ -52,8 +54,10 @@ _LARGE = 3
 _WORLDS = {
     "several people": ("group", 0),
     "walking": ("walk", 1),
+    "striding": ("walk", 0),
     "sitting": ("sit_side_by_side", 0),
     "squatting": ("squat", 0),
+    "crouching": ("squat", 1),
     "leaning": ("lean_on_wall", 0),
 }
 
@@ -121,8 +125,9 @@ def _build(name: str, size: tuple[int, int]) -> Case:
     if name == "one person":
         return case_of_world(name, build_world("stand", 0, size))
     if name in _WORLDS:
-        sizes = {"walking": (height, width), "squatting": (width * 7 // 8, height * 7 // 8)}
-        return case_of_world(name, build_world(*_WORLDS[name], sizes.get(name, size)))
+        action, seed = _WORLDS[name]
+        sizes = {"walk": (height, width), "squat": (width * 7 // 8, height * 7 // 8)}
+        return case_of_world(name, build_world(action, seed, sizes.get(action, size)))
     if name == "odd size":
         return case_of_world(name, build_world("stand", 0, (131, 97)))
     if name == "portrait":

@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.body.joints import JOINT_INDEX
 from physic_testing.conformance.bias import MIN_UNITS, expect_follows, expect_no_better, expect_order
 from physic_testing.conformance.check import BLIND, Check
+from physic_testing.conformance.exactness import PROVEN, agreement
 from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.output_checks import PEOPLE_CHECKS
 from physic_testing.conformance.row_order import check_rows_follow_the_people
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
 
 MAX_WRIST_ERROR_DEG = 60.0
 _MIRROR = (1, -1, -1)
+_WRISTS = [JOINT_INDEX["left_wrist"], JOINT_INDEX["right_wrist"]]
 _MIRRORING = "A network for right hands receives the mirrored left hand: mirror its rotation vectors to (x, -y, -z)."
 
 
@@ -77,6 +80,22 @@ def check_rotations_are_relative_to_the_flat_hand(subject: BackendUnderTest) -> 
         0.1,
         "rotations relative to the flat hand, mean error in degrees",
         {words: "Add the mean pose of MANO: its rotations are relative to a relaxed hand."},
+    )
+
+
+def check_confidence_is_that_of_each_hand(subject: BackendUnderTest) -> None:
+    """A backend that is exact has no higher confidence of hidden hands, and not the same confidence of all hands."""
+    evidence = subject.evidence()
+    if float(np.median([agreement(subject.interface, hands, case).share for case, hands in evidence])) < PROVEN:
+        raise CheckSkipped("not exact")
+    seen = np.concatenate([case.truth.joints_visible[:, _WRISTS] for case, _ in evidence])
+    sure = np.concatenate([hands.confidence for _, hands in evidence])
+    one = seen[:, 0] != seen[:, 1]
+    expect(
+        not one.any() or float(sure[one][seen[one]].mean()) > float(sure[one][~seen[one]].mean()),
+        "a higher confidence of a hand in sight than of the person's hidden hand",
+        f"{sure[one][seen[one]].mean():.2f} in sight, {sure[one][~seen[one]].mean():.2f} hidden",
+        "Are they exchanged between left and right, or a constant?",
     )
 
 
@@ -165,6 +184,7 @@ CHECKS: tuple[Check, ...] = (
         after=(*_ORDERED, "fingers_follow_the_photo"),
         unless=BLIND,
     ),
+    Check(check_confidence_is_that_of_each_hand, _READ, unless=BLIND),
     Check(check_wrists_are_in_the_cameras_frame, _READ, after=("angles_are_radians",)),
     Check(check_left_wrist_comes_first, _READ, after=("angles_are_radians", "wrists_are_in_the_cameras_frame")),
     Check(check_rows_follow_the_people, _READ),

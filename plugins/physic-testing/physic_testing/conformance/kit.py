@@ -26,10 +26,10 @@ from physic_testing.conformance import (
     relative_pointmap,
     segmenter,
 )
-from physic_testing.conformance.accuracy import check_is_exact
 from physic_testing.conformance.backend_under_test import BackendUnderTest, find_backend
 from physic_testing.conformance.cases import SIZE
 from physic_testing.conformance.check import BLIND, Check
+from physic_testing.conformance.exactness import check_is_exact
 from physic_testing.conformance.run import CheckRun, require_check_names
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from physic_testing.conformance.attributes import attribute_values, replaced_att
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.field_comparison import describe_difference
-from physic_testing.conformance.manners import held_megabytes
+from physic_testing.conformance.manners import held_arrays
 from physic_testing.conformance.network_and_memory import no_network, resident_megabytes
 
 if TYPE_CHECKING:
@@ -180,9 +180,10 @@ def check_works_again_after_close(subject: BackendUnderTest) -> None:
     try:
         backend.load(subject.device)
         backend.close()
-        subject.watch.kept_mb = held_megabytes(backend)
+        subject.watch.kept_mb = sum(held_arrays(backend).values()) / 1e6
         backend.load(subject.device)
         again = subject.infer(backend, case)
+        subject.watch.after_one_call = held_arrays(backend)
     except Exception as error:
         raise CheckFailed("output after load(), close(), load()", describe_error(error, subject.kind)) from error
     finally:

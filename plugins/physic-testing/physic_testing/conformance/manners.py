@@ -34,6 +34,7 @@ MAX_KEPT_MB = 1.0
 """Arrays and tensors that a closed backend may hold, MB."""
 
 _WARM_CALLS = 4
+_LEAK = "Does it keep inputs, outputs or tensors with their gradients in a list, or a cache without a bound?"
 
 
 class Watch:
@@ -46,6 +47,7 @@ class Watch:
         growth: memory that each call took beyond its result, MB.
         seconds: CPU time of each call, s.
         kept_mb: arrays that the backend held after ``close``, MB; None if it was not measured.
+        after_one_call: bytes of each array that another instance held after its first call; None as before.
     """
 
     def __init__(self) -> None:
@@ -55,6 +57,7 @@ class Watch:
         self.growth: list[float] = []
         self.seconds: list[float] = []
         self.kept_mb: float | None = None
+        self.after_one_call: dict[int, int] | None = None
 
     @contextmanager
     def call(self) -> Iterator[list[Any]]:
@@ -118,8 +121,8 @@ def _names() -> set[str]:
     return set(os.listdir())
 
 
-def held_megabytes(thing: Any) -> float:
-    """Return the size of the arrays, tensors and networks that an object holds in its attributes, MB."""
+def held_arrays(thing: Any) -> dict[int, int]:
+    """Return the bytes of the arrays, tensors and networks that an object holds in its attributes, by their id."""
     from physic_testing.conformance.attributes import attribute_values
 
     sizes: dict[int, int] = {}
@@ -128,7 +131,7 @@ def held_megabytes(thing: Any) -> float:
             sizes[id(value)] = value.nbytes
         elif callable(getattr(value, "parameters", None)) and hasattr(value, "state_dict"):
             sizes |= {id(p): p.nbytes for p in value.parameters()}
-    return sum(sizes.values()) / 1e6
+    return sizes
 
 
 def check_changes_no_settings_of_the_process(subject: BackendUnderTest) -> None:
@@ -164,6 +167,10 @@ def check_needs_no_more_memory_in_later_calls(subject: BackendUnderTest) -> None
 
     subject.result(FIRST_PHOTO)
     case, backend = subject.case(FIRST_PHOTO), subject.loaded(subject.case(FIRST_PHOTO))
+    held, once, calls = held_arrays(backend), subject.watch.after_one_call, len(subject.case_runs)
+    if once is not None and len(held) - len(once) >= calls - 1:
+        leak = (sum(held.values()) - sum(once.values())) / 1e6 / calls
+        expect(leak <= MAX_LEAK_MB, "arrays that do not pile up", f"{leak:.1f} MB more with each call", _LEAK)
     grew = float(np.median(subject.watch.growth[_WARM_CALLS:])) if len(subject.watch.growth) > _WARM_CALLS else 0.0
     if grew <= MAX_LEAK_MB and CALLS * float(np.median(subject.watch.seconds)) > MAX_LEAK_SECONDS:
         return
@@ -179,7 +186,7 @@ def check_needs_no_more_memory_in_later_calls(subject: BackendUnderTest) -> None
         leak <= MAX_LEAK_MB,
         f"memory that stays the same over {CALLS} calls with one photo",
         f"{leak:.1f} MB more with each call",
-        "Does it keep inputs, outputs or tensors with their gradients in a list, or a cache without a bound?",
+        _LEAK,
     )
 
 

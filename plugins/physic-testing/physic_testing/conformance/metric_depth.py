@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_testing.conformance.bias import expect_no_bias
+from physic_testing.conformance.bias import expect_no_better, expect_no_bias
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.depth_checks import (
     expect_along_z,
@@ -21,7 +21,13 @@ from physic_testing.conformance.depth_checks import (
 from physic_testing.conformance.expect import CheckSkipped, expect
 
 if TYPE_CHECKING:
+    from physic_core.types import FloatArray
     from physic_testing.conformance.backend_under_test import BackendUnderTest
+
+MAX_SIGMA = 1.5
+"""Standard deviation of log(scale) that no estimate of depth needs: a factor of 4.5."""
+
+_RESCALED = "Is the depth of a network for one focal length rescaled to the focal length of the photo, once?"
 
 MAX_SCALE = 1.2
 """Factor on all depths that is taken for none."""
@@ -67,17 +73,36 @@ def check_depth_is_in_metres(subject: BackendUnderTest) -> None:
 
 def check_depth_has_no_bias_of_scale(subject: BackendUnderTest) -> None:
     """Over several photos, depth is not too large or too small by more than a fifth in the mean."""
-    logs = []
+    logs, focals = [], []
     for case, answer in subject.evidence():
         both = np.isfinite(answer.depth) & np.isfinite(case.truth.empty_depth)
         logs.append(np.median(np.log(answer.depth[both] / case.truth.empty_depth[both])))
+        focals.append(np.log(case.intrinsics.fx / np.array([1, case.photo.shape[1], max(case.photo.shape[:2])])))
     expect_no_bias(
         np.array(logs),
         float(np.log(MAX_SCALE)),
         f"metres: a mean log(depth / true depth) within +-{np.log(MAX_SCALE):.2f}",
         "",
-        "Is the depth of a network for one focal length rescaled to the focal length of the photo?",
+        _RESCALED,
     )
+    readings = {
+        f"{words} the focal length in {unit}": np.array(logs) + sign * np.array(focals)[:, i]
+        for sign, words in ((1, "multiplied by"), (-1, "divided by"))
+        for i, unit in enumerate(("px", "widths of the photo", "larger sides of the photo"))
+    }
+    expect_no_better(
+        _spread(np.array(logs)),
+        {words: _spread(errors) for words, errors in readings.items()},
+        0.01,
+        "a scale that does not depend on the camera, deviation of log(depth / true depth) from its mean",
+        dict.fromkeys(readings, _RESCALED),
+    )
+
+
+def _spread(errors: FloatArray) -> FloatArray:
+    """Return the distance (K,) of each error from the mean of the others."""
+    distance: FloatArray = np.abs(errors - errors.mean()) * len(errors) / max(len(errors) - 1, 1)
+    return distance
 
 
 def check_depth_has_no_offset(subject: BackendUnderTest) -> None:
@@ -119,8 +144,8 @@ def check_scale_sigma_is_a_standard_deviation(subject: BackendUnderTest) -> None
     if sigma is None:
         raise CheckSkipped("it returns no scale_sigma")
     expect(
-        0 < float(sigma) < 3,
-        "a standard deviation of log(scale) above 0 and below 3: 0.1 is ten percent; or None",
+        0 < float(sigma) < MAX_SIGMA,
+        f"a standard deviation of log(scale) above 0 and below {MAX_SIGMA}: 0.1 is ten percent; or None",
         f"{sigma!r}",
         "Is it in percent, or in metres?",
     )

@@ -47,6 +47,7 @@ MAX_SHARP_SHIFT_PX = 0.1
 """Shift of the first result against the truth up to which its edges are sharp enough for that comparison."""
 
 MIN_POINTS = 64
+_IN_FRONT = 0.1  # log of the depth behind a person over the person's
 
 
 def check_points_cover_the_photo(subject: BackendUnderTest) -> None:
@@ -167,6 +168,7 @@ def _expect_like_the_first_call(case: Case, first: Pointmap, second: Pointmap) -
             f"{slope:.3f} times as far out, and {offset:+.2f} px off",
             "Is the second call, with hints.scene, handled like the first?",
         )
+    _expect_people(case, z)
     outside = ~case.hole & np.isfinite(z) & np.isfinite(_depth(first))
     own, before = (np.log(np.where(outside, depth, 1.0)) for depth in (z, _depth(first)))
     true = np.log(np.where(outside & np.isfinite(case.truth.empty_depth), case.truth.empty_depth, 1.0))
@@ -176,6 +178,24 @@ def _expect_like_the_first_call(case: Case, first: Pointmap, second: Pointmap) -
         "edges of the photo with people where they are in the photo without",
         f"a shift of {np.round(shift, 2).tolist()} px",
         "Is the padding of the network's input subtracted in both calls?",
+    )
+
+
+def _expect_people(case: Case, z: FloatArray) -> None:
+    """Raise CheckFailed if depths (H, W) of the photo with people are those of the scene without them."""
+    with np.errstate(all="ignore"):
+        people, scene = (np.log(z / depth) for depth in (case.truth.depth, case.truth.empty_depth))
+    known = np.isfinite(people) & np.isfinite(scene)
+    inside = known & case.truth.masks.any(axis=0) & (np.abs(people - scene) > _IN_FRONT)
+    outside = known & ~case.hole
+    if min(inside.sum(), outside.sum()) < MIN_POINTS:
+        return
+    errors = [float(np.median(np.abs(logs[inside] - np.median(logs[outside])))) for logs in (people, scene)]
+    expect(
+        errors[1] > 0.25 * errors[0],
+        "people in the points of the photo with people",
+        f"depths {errors[1]:.0%} from those of the scene behind them, and {errors[0]:.0%} from theirs",
+        "Is it the result of the first call, or of hints.scene?",
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from physic_core.metrics import mask_iou
 from physic_testing.conformance.bias import MIN_UNITS, expect_no_better, expect_no_bias, pixel_shift
 from physic_testing.conformance.check import Check
+from physic_testing.conformance.exactness import SIDES, outward_px
 from physic_testing.conformance.expect import CheckSkipped, expect
 
 if TYPE_CHECKING:
@@ -30,8 +31,8 @@ _READINGS: dict[str, Callable[[BoolArray], BoolArray]] = {
     "upside down": lambda masks: masks[:, ::-1],
 }
 
-MAX_SHIFT_PX = 0.5
-"""Mean shift that is taken for none."""
+MAX_SHIFT_PX, MAX_REACH_PX = 0.5, 5.0
+"""Mean shift of masks, and mean excess of masks and boxes on each side, that are taken for none."""
 
 
 def check_masks_lie_on_people(subject: BackendUnderTest) -> None:
@@ -91,6 +92,13 @@ def check_boxes_enclose_their_masks(subject: BackendUnderTest) -> None:
             " px cut off",
             "The last row and column are exclusive: x1 is the last column of the mask + 1.",
         )
+        expect_no_bias(
+            np.maximum(-values, 0),
+            MAX_REACH_PX,
+            f"boxes whose {edge} edge is that of their masks",
+            " px too far out",
+            "The last row and column are exclusive, and the box is that of the mask, not that of a detector.",
+        )
 
 
 def check_masks_are_not_shifted(subject: BackendUnderTest) -> None:
@@ -120,6 +128,23 @@ def check_masks_are_not_shifted(subject: BackendUnderTest) -> None:
                     " px",
                     "Is the padding of the network's input subtracted, and the mask resized to the photo's size?",
                 )
+
+
+def check_masks_are_as_large_as_people(subject: BackendUnderTest) -> None:
+    """Over several photos, masks reach as far as people to the left, up, right and down."""
+    reach = [
+        outward_px(answer, case)[(mask_iou(answer.masks, case.truth.masks) > MIN_SAME).any(axis=0)]
+        for case, answer in subject.evidence()
+        if len(answer)
+    ]
+    for side, values in zip(SIDES, np.concatenate(reach or [np.zeros((0, 4))]).T, strict=True):
+        expect_no_bias(
+            values,
+            MAX_REACH_PX,
+            f"masks that reach as far as people, {side}",
+            " px farther",
+            "Are masks dilated, cut at a crop, or is a part of the body of another class?",
+        )
 
 
 def check_scores_are_sorted(subject: BackendUnderTest) -> None:
@@ -174,5 +199,6 @@ CHECKS: tuple[Check, ...] = (
     Check(check_floor_mask_is_on_the_floor, _READ),
     Check(check_floor_mask_excludes_people, _READ, after=("floor_mask_is_on_the_floor",)),
     Check(check_masks_are_not_shifted, _READ, after=("masks_lie_on_people", "floor_mask_is_on_the_floor")),
+    Check(check_masks_are_as_large_as_people, _READ, after=("masks_are_not_shifted",)),
 )
 """Checks of a Segmenter, in order of execution."""

@@ -78,6 +78,8 @@ _RECORD = """\
 _TEST = """\
 from physic_testing import parametrize_with_checks
 
+# A test with a network that knows the truth states it: `parametrize_with_checks(..., capabilities={{"exact"}})`.
+
 
 @parametrize_with_checks("{interface}", "{backend}")
 def test_conformance(check):
@@ -106,7 +108,8 @@ physic run photo.jpg --set {interface}.backend={backend}
 - `{package}/__init__.py` registers its name, its requirements and the licence of its weights.
 - `tests/test_conformance.py` runs every check of the interface. List a check that is known to fail there, with
   the reason: `@parametrize_with_checks("{interface}", "{backend}", expected_failures={{"name_of_the_check": "why"}})`.
-  Without its weights a backend is not called: `physic_testing.world_of(image)` tells a stand-in the truth.
+  Without its weights a backend is not called: test it with a network that knows the truth, which
+  `physic_testing.world_of(image)` tells, and state `capabilities={{"exact"}}`, so that the errors have close limits.
 - `physic plugins new NAME --interface INTERFACE --add-to .` adds one more backend.
 """
 

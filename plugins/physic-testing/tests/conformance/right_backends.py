@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from physic_core import interfaces
+from physic_core.body.joints import JOINT_INDEX
 from physic_core.errors import BackendError
 from physic_core.types import Bodies, ContactProbability, DepthMap, Hands, Keypoints, People, Pointmap
 from physic_testing.conformance.cases import CASES, SCENE_UNIT, Case, build_case
@@ -119,7 +120,8 @@ class RightHands(Knowing, interfaces.HandEstimator):
         case, _, _ = self.look_up(image)
         rows, truth = self.rows(case, people), case.bodies.parameters
         both = np.stack([truth.left_hand_pose, truth.right_hand_pose], axis=1).reshape(-1, 2, 15, 3)
-        return Hands(both[rows], np.full((len(rows), 2), 0.9))
+        seen = case.bodies.observed[:, [JOINT_INDEX["left_wrist"], JOINT_INDEX["right_wrist"]]]
+        return Hands(both[rows], np.where(seen, 0.9, 0.2)[rows])
 
 
 class RightContact(Knowing, interfaces.ContactPrior):

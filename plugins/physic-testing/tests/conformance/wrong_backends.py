@@ -545,6 +545,17 @@ def floor_over_people(answer: Any, *_: Any) -> Any:
     return replace(answer, floor=None if answer.floor is None else answer.floor | answer.masks.any(axis=0))
 
 
+def dilated(answer, *_):
+    import cv2
+
+    grown = [cv2.dilate(mask.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0 for mask in answer.masks]
+    others = answer.masks.sum(axis=0) - answer.masks
+    masks = np.array(grown, bool).reshape(answer.masks.shape) & (others == 0)
+    free = np.cumsum(masks, axis=0) == 1
+    return replace(answer, masks=masks & free, boxes=np.add(answer.boxes, [-2, -2, 2, 2]))
+
+
+altered(RightSegmenter, "dilated masks", "masks_are_as_large_as_people", dilated)
 altered(RightSegmenter, "inverted masks", "masks_lie_on_people", inverted)
 altered(
     RightSegmenter,
@@ -661,6 +672,12 @@ altered(
     "observed inverted",
     "observed_is_true_in_sight",
     lambda a, *_: replace(a, observed=None if a.observed is None else ~a.observed),
+)
+altered(
+    RightHands,
+    "confidences exchanged",
+    "confidence_is_that_of_each_hand",
+    lambda a, *_: replace(a, confidence=a.confidence[:, ::-1].copy()),
 )
 altered(RightHands, "degrees", "angles_are_radians", lambda a, *_: replace(a, rotvecs=np.degrees(a.rotvecs)))
 altered(RightContact, "another mesh", "topology_is_that_of_the_bodies", lambda a, *_: replace(a, topology="smplx"))
