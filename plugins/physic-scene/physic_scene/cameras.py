@@ -204,8 +204,10 @@ def _seen_elsewhere(found: _Adjusted, bad: BoolArray, settings: SceneSettings) -
         bad: (V, P) whether a person does not fit in a photo.
         settings: of all steps.
     """
-    odds = settings.fit.elsewhere
-    one = likeliest_elsewhere(found.observations, found.bundle, found.reference, settings.bundle, odds)
+    bundle, odds = found.bundle, settings.fit.elsewhere
+    if found.observations.known.any():  # the odds are those of the energy of unknown cameras
+        bundle = adjust(found.observations, bundle, found.reference, settings.bundle)
+    one = likeliest_elsewhere(found.observations, bundle, found.reference, settings.bundle, odds)
     if one is not None or not bad.any() or bad.shape[1] < 2:
         return one
     worst = _worst_person(bad, found.errors)
