@@ -118,16 +118,17 @@ def world_scores(found: Any, worlds: Sequence[Any], alone: Sequence[Any]) -> dic
         joint.append(person_scores(result.people[row].joints, result.people[row].contact, fact, touched))
         number = found.people.index(of_row[row])
         averaged, f1 = [], []
-        for camera in found.cameras:
-            for i, person in enumerate(camera.people):
+        for photo in found.photos:
+            for i, person in enumerate(photo.people):
                 if person == number:
-                    own, body = worlds[camera.index].camera, alone[camera.index].people[i]
+                    own, body = worlds[photo.index].camera, alone[photo.index].people[i]
                     averaged.append(world.camera.to_camera(own.to_room(body.joints.astype(np.float64))))
                     f1.append(person_scores(body.joints, body.contact, fact, touched)["F1"])
         mean = person_scores(np.mean(averaged, axis=0), result.people[row].contact, fact, touched)
         single.append({**mean, "F1": float(np.mean(f1))})
     cameras = [
-        camera_scores(c, world.camera.rotation, world.camera.position, worlds[c.index].camera) for c in found.cameras
+        camera_scores(photo.camera, world.camera.rotation, world.camera.position, worlds[photo.index].camera)
+        for photo in found.photos
     ]
     around = mean_of(row for row in cameras if row)
     return {"joint": {**mean_of(joint), **around}, "average of single results": mean_of(single)}

@@ -208,13 +208,13 @@ def _scores(scene: Any, group: Sequence[Photo], truth: Truth | None) -> dict[str
     if truth is None:
         return scores
     people = [
-        {truth.number[c.index][i] for c in found.cameras for i, own in enumerate(c.people) if own == person}
+        {truth.number[photo.index][i] for photo in found.photos for i, own in enumerate(photo.people) if own == person}
         for person in range(len(found.people))
     ]
     reference = group[found.reference].camera
-    turns = [_turn_deg(c.rotation @ reference.R @ group[c.index].camera.R.T) for c in found.cameras]
+    turns = [_turn_deg(p.camera.rotation @ reference.R @ group[p.index].camera.R.T) for p in found.photos]
     right = all(len(own) < 2 for own in people)
-    near = max(turns) < RIGHT_DEG and len(found.cameras) == len(group)
+    near = max(turns) < RIGHT_DEG and len(found.photos) == len(group)
     scores |= {"right people": float(right), "and cameras": float(right and near)}
     scores |= {f"of these {name}": scores[name] for name in ("cameras good", "cameras bad") if right and near}
     return scores | _hips(found, group, truth, people)
@@ -241,7 +241,7 @@ def _hips(found: Any, group: Sequence[Photo], truth: Truth, people: Sequence[set
         return {}
     # Centres of cameras take part in the similarity: two people alone would fit any.
     centres = [camera.centre for camera in found.cameras]
-    true = [group[camera.index].camera.centre for camera in found.cameras]
+    true = [group[photo.index].camera.centre for photo in found.photos]
     moved = _similar(np.array([*own, *centres]), np.array([*fact, *true]))[: len(own)]
     away, alone = (np.linalg.norm(np.array(x) - fact, axis=1).mean() for x in (moved, single))
     return {"hips mm": 1000 * float(away), "hips of single photos mm": 1000 * float(alone)}

@@ -75,6 +75,7 @@ class ResolvedPipeline:
         body_model: "embedded", or the path of an SMPL-X file.
         device: "cpu", "cuda" or "cuda:N".
         config: the configuration that was resolved.
+        given_engine: settings of the engine in place of those of the config, or None.
     """
 
     backends: Mapping[str, ResolvedBackend]
@@ -82,11 +83,12 @@ class ResolvedPipeline:
     body_model: str
     device: str
     config: Config
+    given_engine: EngineSettings | None = None
 
     @cached_property
     def engine(self) -> EngineSettings:
         """Settings of the engine; reading them imports torch."""
-        return self.config.engine.settings()
+        return self.config.engine.settings() if self.given_engine is None else self.given_engine
 
 
 @dataclass(frozen=True)

@@ -261,6 +261,7 @@ def subject() -> PlacementProblem:
         soles=(VERTICES + START[0])[SOLES],
         plane=torch.cat((UP, torch.tensor([1.3]))),
         K=picture.K,
+        row=0,
         people=2,
     )
 

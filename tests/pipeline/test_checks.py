@@ -415,7 +415,7 @@ def bound(check: CheckSpec) -> str:
         ("support", -0.001, "Distance to the nearest surface: 0.00 m (limit 0.1 m)"),
         ("lean", 3.2, "Leans towards the camera or away: 3° (limit 12°)"),
         ("legs_seen", 1.0, "Visible legs: 1 (at least 2)"),
-        ("focal_known", 0.0, "Focal length known: no (must be yes)"),
+        ("focal_known", 0.0, "Focal length known, estimated or solved: no (must be yes)"),
         ("sole_height", None, "Lower sole off the floor: not measured"),
     ],
 )

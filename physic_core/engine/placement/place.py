@@ -170,6 +170,7 @@ def _person_problem(
         soles=soles,
         plane=plane,
         K=_on_cpu(K),
+        row=i,
         people=len(bodies.transl),
     )
 

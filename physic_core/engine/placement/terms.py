@@ -41,6 +41,7 @@ class PlacementProblem(NamedTuple):
     soles: Tensor  # (S, 3), empty if the feet are invisible or there is no floor
     plane: Tensor | None  # (4,) normal and offset of the floor
     K: Tensor  # (3, 3)
+    row: int  # of the person, among the people in the image
     people: int  # in the image
 
     @property

@@ -65,7 +65,7 @@ _ALL = (
     # Networks estimate people farther than the floor under them: 0 to 0.4 in photos, 0.56 where the depth is wrong.
     _photo("depth_vs_bodies", "Depth differs from the sizes of people", "at most", 0.5, _SHARE),
     # Most photos have no EXIF data; a guess alone does not make the grade doubtful.
-    _photo("focal_known", "Focal length known", "at least", 1, _YES, failure="ignored"),
+    _photo("focal_known", "Focal length known, estimated or solved", "at least", 1, _YES, failure="ignored"),
     _photo("principal_point", "Camera axis off the photo's centre", "at most", 0.15, _SHARE, "the photo's size"),
     # Straight edges are right to about a tenth; distances are off by the same share as the focal length.
     _photo("focal_agreement", "Backends differ in the focal length", "at most", 0.2, _SHARE),

@@ -10,13 +10,13 @@ from physic_core import BackendRecord, CommandRecord, hookimpl
 if TYPE_CHECKING:
     from physic_scene.calibration import KnownCamera, read_calibration
     from physic_scene.scene import Scene, reconstruct_scene
-    from physic_scene.types import CameraPose, SceneResult
+    from physic_scene.types import SceneResult, SolvedPhoto
 
 __all__ = [
-    "CameraPose",
     "KnownCamera",
     "Scene",
     "SceneResult",
+    "SolvedPhoto",
     "physic_backends",
     "physic_commands",
     "read_calibration",
@@ -24,7 +24,7 @@ __all__ = [
 ]
 
 _NAMES = {
-    "CameraPose": "types",
+    "SolvedPhoto": "types",
     "KnownCamera": "calibration",
     "SceneResult": "types",
     "Scene": "scene",

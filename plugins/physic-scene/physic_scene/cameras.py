@@ -125,7 +125,7 @@ def _solved_camera(before: Intrinsics, log_focal: float, sigma: float) -> Intrin
         before,
         fx=before.fx * factor,
         fy=before.fy * factor,
-        source=before.source if before.known else "several photos",
+        source=before.source if before.known else "solved from several photos",
         trust=before.trust if before.known else CameraTrust.ESTIMATED,
         focal_sigma=sigma,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -175,18 +176,18 @@ def _sized(cameras: list[tuple[float, ...] | None], sizes: list[tuple[int, int]]
 
 
 def _table(result: SceneResult) -> str:
-    """Return a line for each camera, with its people as they are numbered in the saved result."""
+    """Return a line for each photo, with its people as they are numbered in the saved result."""
     rows = [("photo", "people", "rotation +-", "position +-", "keypoints off")]
-    for camera in result.cameras:
-        known = [str(result.people[person].row) for person in camera.people if person is not None]
-        own = camera.index == result.reference
+    for photo in result.photos:
+        known = [str(result.people[person].row) for person in photo.people if person is not None]
+        own, camera = photo.index == result.reference, photo.camera
         rows.append(
             (
                 camera.photo,
                 ", ".join(known),
-                "reference" if own else f"{camera.rotation_sigma_deg:.1f} deg",
-                "reference" if own else f"{camera.position_sigma_m:.2f} m",
-                f"{100 * camera.reprojection:.1f} % of stature",
+                "reference" if own else f"{math.degrees(camera.rotation_sigma):.1f} deg",
+                "reference" if own else f"{camera.position_sigma:.2f} m",
+                f"{100 * photo.reprojection:.1f} % of stature",
             )
         )
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]

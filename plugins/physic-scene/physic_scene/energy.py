@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 _LEAST_SLOPE = 0.15  # of a ray to the floor, at the horizon
 _MOST_MOVED = 1.6  # factor on a depth
-_SAME_M = 1e-3  # between the same vertex in single and in double precision
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,7 @@ class OtherViews(ShortRepr):
     """What the photos alone say of N people, and of the floor.
 
     Attributes:
-        vertex: (n, 3) metres, first vertex of each body whose place several photos show; it names the body.
+        placed: (N,) bool, people whose place several photos show.
         contact: (N, V) sum of the probabilities of contact by the photos alone that show each person.
         photos: (N,) their number.
         floors: (2, 4) normal and offset of the floor of the reference photo alone, at the solved scale, and of that of
@@ -59,7 +58,7 @@ class OtherViews(ShortRepr):
         known_scale: whether known cameras give the scale of the scene, which then stays.
     """
 
-    vertex: Tensor
+    placed: Tensor
     contact: Tensor
     photos: Tensor
     floors: Tensor | None = None
@@ -108,8 +107,7 @@ class ViewsPlacement(PlacementMethod):
     def is_placed(self, person: PlacementProblem) -> bool:
         """Return whether other photos show the place of the body."""
         assert self.views is not None
-        away = torch.linalg.vector_norm(self.views.vertex - person.vertices[0], dim=1)
-        return bool((away < _SAME_M).any())
+        return bool(self.views.placed[person.row])
 
 
 @dataclass(frozen=True)

@@ -10,15 +10,16 @@ import trimesh
 
 from physic_core import save_reconstruction
 from physic_core.files.strict_json import to_json
+from physic_core.io.people_table import people_csv
 
 if TYPE_CHECKING:
     from physic_scene.types import SceneResult
 
-MOMENT_FILE, POINTS_FILE, REPORT_FILE = "moment.json", "scene_points.ply", "report.html"
+MOMENT_FILE, POINTS_FILE, PEOPLE_TABLE, REPORT_FILE = "moment.json", "scene_points.ply", "people.csv", "report.html"
 
 
 def save_scene(scene: SceneResult, folder: str, *, overwrite: bool = False, page: str = "", photos: str = "") -> None:
-    """Write the files of ``Reconstruction.save``, ``moment.json`` and ``scene_points.ply``, as one result.
+    """Write the files of ``Reconstruction.save``, ``people.csv``, ``moment.json`` and ``scene_points.ply`` as one result.
 
     Args:
         scene: what to write.
@@ -32,6 +33,7 @@ def save_scene(scene: SceneResult, folder: str, *, overwrite: bool = False, page
     """
     cloud = trimesh.PointCloud(scene.points, scene.colors).export(file_type="ply")
     beside = {MOMENT_FILE: moment_json(scene).encode(), POINTS_FILE: cloud}
+    beside[PEOPLE_TABLE] = people_csv(scene.reconstruction, scene.reconstruction.cameras[0].photo)
     beside |= {REPORT_FILE: page.encode()} if page else {}
     save_reconstruction(scene.reconstruction, folder, overwrite=overwrite, beside=beside, photos=photos)
 
@@ -43,15 +45,15 @@ def moment_json(scene: SceneResult) -> str:
 
 def moment_document(scene: SceneResult) -> dict[str, Any]:
     """Return what ``moment.json`` holds; docs/scene.md states its keys."""
-    cameras = sorted(scene.cameras, key=lambda camera: camera.index != scene.reference)
+    in_order = sorted(scene.photos, key=lambda photo: photo.index != scene.reference)
     photos = [
         {
-            "index": camera.index,
-            "people": list(camera.people),
-            "reprojection_share": camera.reprojection if np.isfinite(camera.reprojection) else None,
-            "scene_scale": camera.scene_scale,
+            "index": photo.index,
+            "people": list(photo.people),
+            "reprojection_share": photo.reprojection if np.isfinite(photo.reprojection) else None,
+            "scene_scale": photo.scene_scale,
         }
-        for camera in cameras
+        for photo in in_order
     ]
     people = [
         {

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,8 +13,7 @@ from physic_core import Pipeline
 from physic_core.adapters.observed import observed_joints
 from physic_core.body.ages import ADULT_YEARS
 from physic_core.body.joints import NUM_JOINTS
-from physic_core.body.parameters import rotations_from_parameters
-from physic_core.configuration.resolve import ResolvedPipeline, resolve
+from physic_core.configuration.resolve import resolve
 from physic_core.discovery.plugins import discover
 from physic_core.engine.joint.problem import OtherView
 from physic_core.engine.sizes import STATURE_SIGMA
@@ -38,7 +36,6 @@ if TYPE_CHECKING:
 
     from physic_core import Config
     from physic_core.body.model import BodyModel
-    from physic_core.engine.settings import EngineSettings
     from physic_core.pipeline.estimate import Estimates
     from physic_core.types import BoolArray, FloatArray, IntArray, Reconstruction
     from physic_scene.people import PersonOfScene
@@ -116,7 +113,7 @@ class ReferenceInput(ShortRepr):
             ),
             depth=DepthMap(depth, camera, max(sigma, _KNOWN_SCALE), (f"scale and cameras from {len(photos)} photos",)),
             views=tuple(_view(solved, people, w) for w in range(len(photos)) if w != v),
-            alone=_alone(solved, people, parameters, model),
+            alone=_alone(solved, people, model),
             statures=np.array(
                 [solved.statures[one.number] if one.solved and one.number is not None else np.nan for one in people]
             ),
@@ -164,19 +161,6 @@ class ReferenceInput(ShortRepr):
         )
 
 
-@dataclass(frozen=True)
-class _PlanWithViews(ResolvedPipeline):
-    """Backends and settings of a run whose engine uses other photos."""
-
-    solved: EngineSettings | None = None
-
-    @cached_property
-    def engine(self) -> EngineSettings:
-        """Settings of the engine."""
-        assert self.solved is not None
-        return self.solved
-
-
 def solve_reference(given: ReferenceInput, config: Config, errors: KeypointSettings) -> Reconstruction:
     """Run the pipeline on the reference photo, with the bodies and the depth of all photos.
 
@@ -189,14 +173,7 @@ def solve_reference(given: ReferenceInput, config: Config, errors: KeypointSetti
     own_bodies = select_people(given.bodies, np.arange(len(given.result.people)))
     backends = {"body_estimator": SolvedBodies.of(own_bodies), "metric_depth": SolvedDepth.of(given.depth)}
     plan = resolve(plain, discover(), backends)
-    own = _PlanWithViews(
-        backends=plan.backends,
-        photo=plan.photo,
-        body_model=plan.body_model,
-        device=plan.device,
-        config=plan.config,
-        solved=with_other_views(plan.engine, given.alone, errors),
-    )
+    own = replace(plan, given_engine=with_other_views(plan.engine, given.alone, errors))
     prompt = None
     if config.photo.person or config.photo.box or config.photo.masks:
         prompt = PeoplePrompt(masks=np.stack([person.mask for person in given.result.people]))
@@ -204,7 +181,11 @@ def solve_reference(given: ReferenceInput, config: Config, errors: KeypointSetti
         found = pipeline(given.result.image, intrinsics=given.camera, people=prompt, complete=given.complete)
     ages = () if given.ages is None else given.ages
     notes = (f"person {i} is a child of {years:g} years" for i, years in enumerate(ages) if years < ADULT_YEARS)
-    return replace(found, photo=given.result.photo, lens=given.result.lens, notes=(*found.notes, *notes))
+    # The pipeline takes a given camera for a known one.
+    camera = replace(found.intrinsics, trust=given.camera.trust)
+    return replace(
+        found, intrinsics=camera, photo=given.result.photo, lens=given.result.lens, notes=(*found.notes, *notes)
+    )
 
 
 def scene_scales(solved: SolvedScene) -> FloatArray:
@@ -353,19 +334,12 @@ def _observed(keypoints: Keypoints, size: tuple[int, ...]) -> BoolArray:
     return np.ones((len(keypoints.points), NUM_JOINTS), bool) if found is None else found
 
 
-def _alone(
-    solved: SolvedScene, people: Sequence[PersonOfScene], parameters: BodyParameters, model: BodyModel
-) -> OtherViews:
+def _alone(solved: SolvedScene, people: Sequence[PersonOfScene], model: BodyModel) -> OtherViews:
     """Return what all photos alone say of everybody in the result, and of the floor."""
     contact, count = _contact(solved, people, model)
     floors = _floors(solved, model)
-    own = parameters[np.array([_is_placed(person, solved) for person in people])]
-    with torch.inference_mode():
-        rotations = rotations_from_parameters(own, dtype=torch.float64)
-        betas, transl = (torch.from_numpy(x).double() for x in (own.betas, own.transl))
-        vertex = model(rotations, betas, transl, vertex_ids=torch.tensor([0])).vertices[:, 0].clone()
     return OtherViews(
-        vertex=vertex,
+        placed=torch.tensor([_is_placed(person, solved) for person in people]),
         contact=torch.from_numpy(contact),
         photos=torch.from_numpy(count),
         floors=None if floors is None else torch.from_numpy(floors),

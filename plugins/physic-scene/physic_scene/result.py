@@ -11,7 +11,7 @@ import numpy as np
 from physic_core import with_cameras
 from physic_core.types import CameraView
 from physic_scene.reference import scene_scales
-from physic_scene.types import CameraPose, ScenePerson, SceneResult
+from physic_scene.types import ScenePerson, SceneResult, SolvedPhoto
 from physic_scene.verdict import SolvedView, contradictions
 
 if TYPE_CHECKING:
@@ -38,11 +38,13 @@ def assemble(
     scales = scene_scales(solved) * factor
     solved = replace(solved, bundle=solved.bundle.scaled(factor))
     photos, v = solved.photos, solved.reference
-    cameras = tuple(_cameras(solved, everybody, scales))
+    own_photos = _photos(solved, everybody, reconstruction, scales)
     people = _people(photos, everybody, reconstruction)
-    measured = contradictions(_solved_views(solved, cameras), solved.rows, settings)
-    reconstruction = with_cameras(reconstruction, _views(reconstruction, cameras, everybody, solved), measured)
-    points, colors = _merged_points(reconstruction, cameras, photos[v].index)
+    measured = contradictions(_solved_views(solved), solved.rows, settings)
+    # The reference is the first camera of a reconstruction.
+    cameras = sorted((photo.camera for photo in own_photos), key=lambda camera: camera.photo != photos[v].name)
+    reconstruction = with_cameras(reconstruction, cameras, measured)
+    points, colors = _merged_points(reconstruction, own_photos, photos[v].index)
     names = {photo.index: photo.name for photo in photos}
     moved = [_move(one, names) for one in people if one.moved]
     own = photos[v]
@@ -63,7 +65,7 @@ def assemble(
             warnings=(*reconstruction.warnings, *left_out),
         ),
         reference=photos[v].index,
-        cameras=cameras,
+        photos=own_photos,
         people=people,
         left_out=solved.left_out,
         points=points,
@@ -83,14 +85,14 @@ def _known_cameras(solved: SolvedScene) -> list[str]:
     return [f"the poses of {', '.join(known)} are known, and give the scale{also}"] if known else []
 
 
-def _solved_views(solved: SolvedScene, cameras: Sequence[CameraPose]) -> list[SolvedView]:
+def _solved_views(solved: SolvedScene) -> list[SolvedView]:
     """Return what contradicts the cameras may be measured on."""
     found = []
-    for v, (photo, camera) in enumerate(zip(solved.photos, cameras, strict=True)):
-        floor, size = photo.result.scene.floor, (camera.intrinsics.width, camera.intrinsics.height)
+    for v, (photo, camera) in enumerate(zip(solved.photos, solved.intrinsics, strict=True)):
+        floor, size = photo.result.scene.floor, (camera.width, camera.height)
         plane = None if floor is None else np.append(np.asarray(floor.normal, np.float64), floor.offset)
         pose = solved.bundle.pose(v)
-        found.append(SolvedView(photo.name, photo.people, pose, camera.intrinsics.matrix, size, plane))
+        found.append(SolvedView(photo.name, photo.people, pose, camera.matrix, size, plane))
     return found
 
 
@@ -110,8 +112,10 @@ def _not_shown(person: ScenePerson, reference: str, names: dict[int, str]) -> st
     return f"person {person.row} is not in {reference}, but in {views}: checks of {reference} do not measure them"
 
 
-def _cameras(solved: SolvedScene, everybody: Sequence[PersonOfScene], scales: FloatArray) -> list[CameraPose]:
-    """Return the camera of each photo, with the factors (V,) on the scenes of the photos alone."""
+def _photos(
+    solved: SolvedScene, everybody: Sequence[PersonOfScene], reconstruction: Reconstruction, scales: FloatArray
+) -> tuple[SolvedPhoto, ...]:
+    """Return the photos, with the factors (V,) on the scenes of the photos alone."""
     found = []
     for v, photo in enumerate(solved.photos):
         person = {
@@ -120,51 +124,34 @@ def _cameras(solved: SolvedScene, everybody: Sequence[PersonOfScene], scales: Fl
             if v in (rows := one.shown if one.solved else {**one.elsewhere, **one.shown})
         }
         errors = solved.errors[v][np.isfinite(solved.errors[v])]
+        own = v == solved.reference
         found.append(
-            CameraPose(
-                photo=photo.name,
+            SolvedPhoto(
                 index=photo.index,
-                intrinsics=solved.intrinsics[v],
-                rotation=solved.bundle.rotation[v],
-                translation=solved.bundle.translation[v],
-                rotation_sigma_deg=float(np.degrees(solved.rotation_sigma[v])),
-                position_sigma_m=float(solved.position_sigma[v]),
-                focal_sigma=solved.intrinsics[v].focal_sigma or 0.0,
+                camera=reconstruction.reference_view(photo.name) if own else _camera(solved, everybody, v),
                 people=tuple(person.get(i) for i in range(len(photo.result.people))),
                 reprojection=float(np.median(errors)) if len(errors) else float("nan"),
                 scene_scale=float(scales[v]),
                 result=photo.result,
             )
         )
-    return found
+    return tuple(found)
 
 
-def _views(
-    reconstruction: Reconstruction,
-    cameras: tuple[CameraPose, ...],
-    everybody: Sequence[PersonOfScene],
-    solved: SolvedScene,
-) -> list[CameraView]:
-    """Return the cameras of the result, the reference first."""
-    found: list[CameraView] = []
-    for v, camera in enumerate(cameras):
-        if v == solved.reference:
-            found.insert(0, reconstruction.reference_view(camera.photo))
-            continue
-        people = camera.result.people
-        found.append(
-            CameraView(
-                photo=camera.photo,
-                image=camera.result.image,
-                intrinsics=camera.intrinsics,
-                rotation=np.asarray(camera.rotation, np.float64),
-                translation=np.asarray(camera.translation, np.float64),
-                rotation_sigma=float(np.radians(camera.rotation_sigma_deg)),
-                position_sigma=float(camera.position_sigma_m),
-                people={i: people[one.shown[v]].detection for i, one in enumerate(everybody) if v in one.shown},
-            )
-        )
-    return found
+def _camera(solved: SolvedScene, everybody: Sequence[PersonOfScene], v: int) -> CameraView:
+    """Return the camera of a photo that is not the reference."""
+    photo = solved.photos[v]
+    people = photo.result.people
+    return CameraView(
+        photo=photo.name,
+        image=photo.result.image,
+        intrinsics=solved.intrinsics[v],
+        rotation=np.asarray(solved.bundle.rotation[v], np.float64),
+        translation=np.asarray(solved.bundle.translation[v], np.float64),
+        rotation_sigma=float(solved.rotation_sigma[v]),
+        position_sigma=float(solved.position_sigma[v]),
+        people={i: people[one.shown[v]].detection for i, one in enumerate(everybody) if v in one.shown},
+    )
 
 
 def _people(
@@ -191,20 +178,20 @@ def _people(
 
 
 def _merged_points(
-    reconstruction: Reconstruction, cameras: tuple[CameraPose, ...], reference: int
+    reconstruction: Reconstruction, photos: Sequence[SolvedPhoto], reference: int
 ) -> tuple[FloatArray, UInt8Array]:
     """Return points (M, 3) and colours (M, 3) of the scenes of all photos in the reference frame."""
     points, colors = [], []
-    for camera in cameras:
-        own = camera.index == reference
-        scene = reconstruction.scene if own else camera.result.scene
+    for photo in photos:
+        own, camera = photo.index == reference, photo.camera
+        scene = reconstruction.scene if own else photo.result.scene
         chosen = scene.valid & np.isfinite(scene.points).all(-1)
         every = max(1, int(chosen.sum()) // _POINTS)
         xyz: FloatArray = scene.points[chosen][::every].astype(np.float64)
         if not own:
             # The solved focal length moves points of the photo alone across the ray.
-            zoom = camera.result.intrinsics.fx / camera.intrinsics.fx
-            xyz = camera.to_reference(camera.scene_scale * xyz * [zoom, zoom, 1.0])
+            zoom = photo.result.intrinsics.fx / camera.intrinsics.fx
+            xyz = (photo.scene_scale * xyz * [zoom, zoom, 1.0] - camera.translation) @ camera.rotation
         points.append(xyz.astype(np.float32))
         colors.append(scene.colors[chosen][::every])
     return np.concatenate(points), np.concatenate(colors)

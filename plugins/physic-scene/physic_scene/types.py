@@ -8,51 +8,28 @@ from typing import TYPE_CHECKING, Any
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
-    from physic_core.types import BodyParameters, FloatArray, Intrinsics, Reconstruction, SkippedPhoto, UInt8Array
+    from physic_core.types import BodyParameters, CameraView, FloatArray, Reconstruction, SkippedPhoto, UInt8Array
 
 
 @dataclass(frozen=True)
-class CameraPose(ShortRepr):
-    """One photo's camera in the frame of the reference camera.
+class SolvedPhoto(ShortRepr):
+    """One photo of a scene.
 
     Attributes:
-        photo: name of the photo.
         index: of the photo, as it was given.
-        intrinsics: solved camera, px of ``result.image``.
-        rotation: (3, 3) from the reference frame to the frame of this camera.
-        translation: (3,) metres: a point x of the reference frame is ``rotation @ x + translation`` here.
-        rotation_sigma_deg: standard deviation of the rotation; 0 for the reference.
-        position_sigma_m: standard deviation of the camera centre; 0 for the reference.
-        focal_sigma: standard deviation of the logarithm of the focal length.
+        camera: of the photo, in the frame of the reference camera; one of ``SceneResult.reconstruction.cameras``.
         people: person of the scene for each person of this photo; None for a person whom no other photo shows.
         reprojection: median distance of the solved keypoints from those of the photo, as a share of the stature in px.
         scene_scale: factor from the scene of the photo alone to that of the solution.
         result: reconstruction of the photo alone, in the frame of its camera.
     """
 
-    photo: str
     index: int
-    intrinsics: Intrinsics
-    rotation: FloatArray
-    translation: FloatArray
-    rotation_sigma_deg: float
-    position_sigma_m: float
-    focal_sigma: float
+    camera: CameraView
     people: tuple[int | None, ...]
     reprojection: float
     scene_scale: float
     result: Reconstruction
-
-    @property
-    def centre(self) -> FloatArray:
-        """Camera centre (3,) in the reference frame, metres."""
-        centre: FloatArray = -self.rotation.T @ self.translation
-        return centre
-
-    def to_reference(self, points: FloatArray) -> FloatArray:
-        """Transform points (..., 3) of this camera's frame to the reference frame."""
-        moved: FloatArray = (points - self.translation) @ self.rotation
-        return moved
 
 
 @dataclass(frozen=True)
@@ -91,7 +68,7 @@ class SceneResult(ShortRepr):
     Attributes:
         reconstruction: people, scene and contact as the reference photo shows them, solved with all photos.
         reference: index of its photo, as it was given.
-        cameras: of the photos in the solution, in the order in which they were given.
+        photos: in the solution, in the order in which they were given.
         people: whom at least two photos show, then whom one photo but the reference shows; ``row`` joins them to
             ``reconstruction.people``.
         left_out: photos that are not part of the solution.
@@ -103,7 +80,7 @@ class SceneResult(ShortRepr):
 
     reconstruction: Reconstruction
     reference: int
-    cameras: tuple[CameraPose, ...]
+    photos: tuple[SolvedPhoto, ...]
     people: tuple[ScenePerson, ...]
     left_out: tuple[SkippedPhoto, ...]
     points: FloatArray
@@ -111,8 +88,13 @@ class SceneResult(ShortRepr):
     notes: tuple[str, ...]
     diagnostics: dict[str, Any]
 
+    @property
+    def cameras(self) -> tuple[CameraView, ...]:
+        """Cameras of ``photos``, in their order; that of the reference, the frame of all, need not be the first."""
+        return tuple(photo.camera for photo in self.photos)
+
     def save(self, folder: str, *, overwrite: bool = False) -> None:
-        """Write the files of ``Reconstruction.save``, ``moment.json`` and ``scene_points.ply``.
+        """Write the files of ``Reconstruction.save``, ``people.csv``, ``moment.json`` and ``scene_points.ply``.
 
         Args:
             folder: created if it does not exist.

@@ -56,8 +56,8 @@ def solved(solver, alone) -> SceneResult:
 def test_three_photos_give_their_cameras(solved, worlds):
     first = worlds[solved.reference].camera
     assert [camera.photo for camera in solved.cameras] == ["a.png", "b.png", "c.png"]
-    for camera in solved.cameras:
-        world = worlds[camera.index].camera
+    for photo, camera in zip(solved.photos, solved.cameras, strict=True):
+        world = worlds[photo.index].camera
         assert angle_deg(camera.rotation, world.rotation @ first.rotation.T) < 10
         away = np.linalg.norm(first.to_camera(world.position))
         assert np.linalg.norm(camera.centre) == pytest.approx(away, rel=0.25, abs=1e-6)
@@ -66,8 +66,8 @@ def test_three_photos_give_their_cameras(solved, worlds):
 def test_each_person_is_one_person_in_all_photos(solved):
     assert len(solved.people) == 2
     assert all(person.views == (0, 1, 2) and not person.moved for person in solved.people)
-    for camera in solved.cameras:
-        assert sorted(camera.people) == [0, 1]
+    for photo in solved.photos:
+        assert sorted(photo.people) == [0, 1]
 
 
 def test_the_reference_result_is_a_complete_reconstruction(solved, alone):
@@ -76,6 +76,8 @@ def test_the_reference_result_is_a_complete_reconstruction(solved, alone):
     assert result.photo == alone[solved.reference].photo
     assert any(person.contact.any() for person in result.people)
     assert all(person.grade is not None for person in result.people)
+    assert result.intrinsics.source == "solved from several photos"
+    assert not result.intrinsics.known
     assert len(solved.points) == len(solved.colors) > 1000
 
 
@@ -107,12 +109,12 @@ def test_known_cameras_stay_and_give_the_scale(solver, alone, worlds, poses, kno
     found = solver.join(alone, ["a.png", "b.png", "c.png"], poses=given)
     assert found.reference in known
     first = worlds[found.reference].camera
-    for camera in found.cameras:
-        true = worlds[camera.index].camera
+    for photo, camera in zip(found.photos, found.cameras, strict=True):
+        true = worlds[photo.index].camera
         away = np.linalg.norm(camera.centre - first.to_camera(true.position))
         turn = angle_deg(camera.rotation, true.rotation @ first.rotation.T)
-        assert away < (1e-3 if camera.index in known else 0.5)
-        assert turn < (0.05 if camera.index in known else 10)
+        assert away < (1e-3 if photo.index in known else 0.5)
+        assert turn < (0.05 if photo.index in known else 10)
     assert found.reconstruction.scene.scale == 1.0
     names = ", ".join("abc"[v] + ".png" for v in known)
     assert any(note.startswith(f"the poses of {names} are known, and give") for note in found.reconstruction.notes)
@@ -173,7 +175,7 @@ def test_the_photo_that_shows_a_person_elsewhere_is_named(solver, config):
     assert person.elsewhere == (1,)
     note = f"person {person.row} moved: b.png shows them in another place or pose, and they are as in a.png, c.png"
     assert note in found.reconstruction.notes
-    assert [number in camera.people for camera in found.cameras] == [True, False, True]
+    assert [number in photo.people for photo in found.photos] == [True, False, True]
     assert moment_document(found)["people"][number]["elsewhere"] == [1]
 
 
@@ -280,13 +282,10 @@ def test_another_energy_is_refused(alone):
 
 def test_the_reconstruction_has_the_cameras_and_the_people_of_each_photo(solved, alone, worlds):
     result = solved.reconstruction
-    by_name = {camera.photo: camera for camera in solved.cameras}
     assert result.cameras[0].photo == solved.cameras[solved.reference].photo
+    assert all(any(view is camera for camera in solved.cameras) for view in result.cameras)
     assert sorted(camera.photo for camera in result.cameras) == ["a.png", "b.png", "c.png"]
     for view in result.cameras[1:]:
-        camera = by_name[view.photo]
-        assert view.centre == pytest.approx(camera.centre)
-        assert np.degrees(view.rotation_sigma) == pytest.approx(camera.rotation_sigma_deg)
         assert list(view.people) == [0, 1]
         for index, seen in view.people.items():
             pixels = view.to_camera(result.people[index].joints[:1]) @ view.intrinsics.matrix.T
@@ -327,7 +326,7 @@ def test_a_photo_that_is_left_out_is_a_warning_of_the_result(solver, alone):
 def test_save_writes_the_result_and_the_moment(solved, tmp_path):
     solved.save(str(tmp_path / "out"))
     names = {path.name for path in (tmp_path / "out").iterdir()}
-    assert {"reconstruction.json", "moment.json", "scene_points.ply", "preview.png"} <= names
+    assert {"reconstruction.json", "people.csv", "moment.json", "scene_points.ply", "preview.png"} <= names
     loaded = load_reconstruction(tmp_path / "out")
     assert [camera.photo for camera in loaded.cameras] == [c.photo for c in solved.reconstruction.cameras]
     assert (loaded.cameras[1].rotation == solved.reconstruction.cameras[1].rotation).all()
