@@ -54,7 +54,8 @@ def main() -> None:
     rigs.add_argument("out", type=Path)
     rigs.add_argument("--kinds", nargs="+", choices=("pairs", "threes", "fours", "wrong"), default=("pairs", "wrong"))
     rigs.add_argument("--most", type=int, default=60, help="moments of each kind, spread over all")
-    rigs.set_defaults(run=lambda given: run_rigs(given.data, given.out, given.kinds, given.most))
+    rigs.add_argument("--apart", action="store_true", help="only moments that took no part in choosing numbers")
+    rigs.set_defaults(run=lambda given: run_rigs(given.data, given.out, given.kinds, given.most, apart=given.apart))
     given = parser.parse_args()
     given.run(given)
 

@@ -19,6 +19,8 @@ import numpy as np
 
 CHOSEN_ON = ("00004500", "00006859", "00013007")
 """Moments of panoptic on which numbers were chosen."""
+WRONG_CHOSEN_ON = ("view_0", "view_1")
+"""Photos of roundtable on which, in wrong pairs, bounds of checks were chosen."""
 COUNTS = {"pairs": 2, "threes": 3, "fours": 4}
 SEEN = 0.3  # confidence of a keypoint
 FEWEST = 4  # keypoints that two photos must share to say who is who
@@ -48,8 +50,16 @@ class Photo:
     confidence: Any
 
 
-def run_rigs(data: Path, out: Path, kinds: Sequence[str], most: int) -> None:
-    """Print the figures of each kind of moments, for those on which numbers were chosen, and for the others."""
+def run_rigs(data: Path, out: Path, kinds: Sequence[str], most: int, *, apart: bool) -> None:
+    """Print the figures of each kind of moments, for those on which numbers were chosen, and for the others.
+
+    Args:
+        data: folder of the sets.
+        out: folder of results of photos alone.
+        kinds: of COUNTS, or "wrong".
+        most: moments of each kind, spread over all.
+        apart: whether only moments are used that took no part in choosing numbers.
+    """
     from physic_core import load_config
     from physic_scene import Scene
 
@@ -65,8 +75,9 @@ def run_rigs(data: Path, out: Path, kinds: Sequence[str], most: int) -> None:
         for kind in kinds:
             rows: dict[bool, list[dict[str, float]]] = {True: [], False: []}
             groups = list(_wrong(moments) if kind == "wrong" else _groups(moments, COUNTS[kind]))
+            groups = [group for group in groups if not (apart and _took_part(group, kind))]
             for group in [groups[k] for k in np.unique(np.linspace(0, len(groups) - 1, most).round().astype(int))]:
-                chosen = all(photo.moment in CHOSEN_ON or kind == "wrong" for photo in group[:1])
+                chosen = _took_part(group, kind)
                 truth = None if kind == "wrong" else _of(group, moments[group[0].moment], number[group[0].moment])
                 rows[chosen].append(_scores(scene, group, truth))
                 print(kind, [photo.name for photo in group], rows[chosen][-1], file=sys.stderr, flush=True)
@@ -96,6 +107,12 @@ def _photos(scene: Any, data: Path, out: Path) -> Iterator[Photo]:
 def _groups(moments: Mapping[str, Sequence[Photo]], count: int) -> Iterator[tuple[Photo, ...]]:
     for photos in moments.values():
         yield from itertools.combinations(photos, count)
+
+
+def _took_part(group: Sequence[Photo], kind: str) -> bool:
+    """Return whether numbers were chosen on a photo of a group; wrong pairs have a photo of each rig."""
+    names = {photo.moment for photo in group} | ({photo.name for photo in group} if kind == "wrong" else set())
+    return not names.isdisjoint((*CHOSEN_ON, *WRONG_CHOSEN_ON))
 
 
 def _wrong(moments: Mapping[str, Sequence[Photo]]) -> Iterator[tuple[Photo, ...]]:

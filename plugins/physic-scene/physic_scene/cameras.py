@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.engine.sizes import STATURE_SIGMA
+from physic_core.engine.sizes.scale_vote import vote_on_scale
 from physic_core.errors import InputError
 from physic_core.types import CameraTrust, SolvedCameras
 from physic_scene.bundle import Bundle, Observations, adjust, uncertainties
@@ -75,8 +77,8 @@ def _solution(
 ) -> SolvedCameras:
     """Return the cameras of all photos, NaN for skipped ones, and the people by their rows, elsewhere and moved."""
     sigmas = uncertainties(found.observations, found.bundle, found.reference, settings.bundle)
-    metric = bool(found.observations.known.any())  # known cameras have their scale
-    bundle = found.bundle if metric else found.bundle.scaled(_scale(found.observations, found.bundle))
+    scale, scale_sigma = _scale(found.observations, found.bundle)
+    bundle = found.bundle.scaled(scale)
     photos, index = chosen.photos, [photo.index for photo in chosen.photos]
 
     def of_all(values: Any, *, otherwise: Any = np.nan) -> Any:
@@ -103,7 +105,7 @@ def _solution(
         position_sigma=of_all(np.where(own, 0.0, [sigma.position_m for sigma in sigmas])),
         people=rows,
         points=points,
-        scale_sigma=0.0 if metric else None,
+        scale_sigma=scale_sigma,
         elsewhere=elsewhere,
         moved=moved,
         skipped=chosen.left_out,
@@ -152,17 +154,22 @@ def _adjusted(chosen: ChosenPhotos, rows: IntArray, settings: SceneSettings) -> 
     return _Adjusted(reference, observations, bundle, keypoint_errors(observations, bundle))
 
 
-def _scale(observations: Observations, bundle: Bundle) -> float:
-    """Return the factor that gives people their mean size in the photos alone, or that of known statures.
+def _scale(observations: Observations, bundle: Bundle) -> tuple[float, float]:
+    """Return the factor on all lengths by the sizes of people, and the standard deviation of its logarithm.
 
-    A person counts once, whatever the number of photos: their errors of stature have common causes. Distances in the
-    photos alone follow from the same statures, and from focal lengths that the bundle corrects.
+    Each person votes once, by known stature or by the mean size in the photos alone: errors of one person's stature
+    have common causes. These sizes hold what each photo alone knows of its scale, such as soles on its floor. Distances
+    in the photos follow from them and from focal lengths, whose errors are stated apart. Known cameras have a scale.
     """
+    if observations.known.any():
+        return 1.0, 0.0
     size = np.log(_spread(observations.landmarks))
     alone = np.nanmean(np.where(observations.shown, size, np.nan), axis=0)
-    factor = alone - np.log(_spread(bundle.points))
+    factor, every = np.exp(alone) / _spread(bundle.points), np.ones(len(alone))
     known = np.isfinite(observations.bone_sigma)
-    return float(np.exp(factor[known if known.any() else slice(None)].mean()))
+    voters = np.where(known, factor, np.nan) if known.any() else factor
+    vote = vote_on_scale(voters, every, every, _KNOWN_BONE if known.any() else STATURE_SIGMA, 0.0)
+    return vote.scale, vote.sigma
 
 
 def _spread(points: FloatArray) -> FloatArray:

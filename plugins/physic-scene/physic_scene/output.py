@@ -19,7 +19,7 @@ MOMENT_FILE, POINTS_FILE, PEOPLE_TABLE, REPORT_FILE = "moment.json", "scene_poin
 
 
 def save_scene(scene: SceneResult, folder: str, *, overwrite: bool = False, page: str = "", photos: str = "") -> None:
-    """Write the files of ``Reconstruction.save``, ``people.csv``, ``moment.json`` and ``scene_points.ply`` as one result.
+    """Write the files of ``Reconstruction.save``, with ``people.csv``, ``moment.json`` and ``scene_points.ply``.
 
     Args:
         scene: what to write.

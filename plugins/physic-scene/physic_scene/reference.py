@@ -45,8 +45,7 @@ _ON_FLOOR_M = 0.25  # largest height of the lowest point of a person who may sta
 _STAND_M = 0.03  # error of that point
 _FLOOR_DEG = 4.0  # error of the mean normal
 _REWEIGHTINGS = 8
-_OTHER_SIGMA = 0.03  # of the scale by everything else
-_KNOWN_SCALE = 1e-3  # of the scale by known cameras
+_KNOWN_SCALE = 1e-3  # least error of the scale, of known cameras
 
 
 @dataclass(frozen=True)
@@ -85,9 +84,7 @@ class ReferenceInput(ShortRepr):
         result = photos[v].result
         scale = scene_scales(solved)[v]
         depth = np.where(result.scene.valid, scale * result.scene.points[..., 2], np.nan).astype(np.float32)
-        sigma = solved.scale_sigma
-        if sigma is None:
-            sigma = float(np.hypot(STATURE_SIGMA / np.sqrt(len(solved.rows)), _OTHER_SIGMA))
+        sigma = STATURE_SIGMA if solved.scale_sigma is None else max(solved.scale_sigma, _KNOWN_SCALE)
         parts = [person.parameters for person in people]
         parameters = BodyParameters(
             **{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])}
@@ -111,7 +108,7 @@ class ReferenceInput(ShortRepr):
             scores=np.array(
                 [max(photos[w].result.people[row].score for w, row in person.shown.items()) for person in people]
             ),
-            depth=DepthMap(depth, camera, max(sigma, _KNOWN_SCALE), (f"scale and cameras from {len(photos)} photos",)),
+            depth=DepthMap(depth, camera, sigma, (f"scale and cameras from {len(photos)} photos",)),
             views=tuple(_view(solved, people, w) for w in range(len(photos)) if w != v),
             alone=_alone(solved, people, model),
             statures=np.array(
