@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from PIL import Image
@@ -201,40 +200,3 @@ def test_measured_joints_of_the_world_are_the_truth_of_all_views(views: Path, tm
     (views / "joints.json").write_text(json.dumps({"0": people}))
     found = evaluated(views, tmp_path / "out", "--results", written_views(views, tmp_path, {}))
     assert found["me_mpjpe"] == pytest.approx(0, abs=1e-6)
-
-
-def write_calibration(views: Path, **changed: object) -> None:
-    """Replace cameras.json by calibration.toml as Pose2Sim writes it."""
-    lines = ["[metadata]", "adjusted = false"]
-    for name, camera in json.loads((views / "cameras.json").read_text())["cameras"].items():
-        entries = {"name": name, "size": [640.0, 480.0], "matrix": camera["K"], "distortions": [0.0] * 4}
-        entries |= {"rotation": cv2.Rodrigues(np.array(camera["R"]))[0].ravel().tolist(), "translation": camera["t_m"]}
-        kept = {key: value for key, value in (entries | {"fisheye": False} | changed).items() if value is not None}
-        lines += [f"[cam_{name}]", *(f"{key} = {json.dumps(value)}" for key, value in kept.items())]
-    (views / "calibration.toml").write_text("\n".join(lines))
-    (views / "cameras.json").unlink()
-
-
-def test_a_calibration_of_pose2sim_gives_the_same_figures_as_cameras_json(views: Path, tmp_path: Path):
-    theirs = written_views(views, tmp_path, {"east": np.array([0, 0, 0.08])})
-    expected = evaluated(views, tmp_path / "out", "--results", theirs)
-    write_calibration(views)
-    assert evaluated(views, tmp_path / "again", "--results", theirs) == pytest.approx(expected)
-
-
-@pytest.mark.parametrize(
-    ("changed", "reason"),
-    [
-        ({"fisheye": True}, "is a fisheye, whose distortion is not supported"),
-        ({"rotation": None}, "has no rotation"),
-        ({"matrix": None}, "names no camera"),
-    ],
-)
-def test_a_calibration_that_cannot_be_used_is_refused(
-    views: Path, tmp_path: Path, changed: dict[str, object], reason: str
-):
-    write_calibration(views, **changed)
-    done = run("calibrated", str(views), "-o", str(tmp_path / "out"))
-    assert done.exit_code != 0
-    assert f"{views / 'calibration.toml'}" in done.output
-    assert reason in done.output

@@ -15,7 +15,6 @@ from physic_bench.cameras import Camera, calibrated
 from physic_bench.contract import Frame, Picture, TruePerson, Truth
 from physic_bench.datasets.base import DataSet, Description, FrameSet, Source, option
 from physic_bench.joints import LIMB_JOINTS, full_names, is_upright, limb_joints
-from physic_bench.pose2sim import read_calibration
 from physic_bench.triangulation import match_views, visible_joints
 from physic_bench.wording import counted
 from physic_core.errors import InputError
@@ -44,7 +43,6 @@ or
 ROOT/
   cameras.json      {"cameras": {"left": {"width", "height", "K", "dist", "R": 3 x 3, "t_m": 3}, ...},
                       "up": [x, y, z] of the world, or no "up"}; X_camera = R X_world + t_m; the floor is at the origin
-  calibration.toml  instead of cameras.json: the calibration of a Pose2Sim project, whose world is z up
   joints.json       optional: {"MOMENT": [{"left_hip": [x, y, z] in m in the world, ...}, ...]}
   left_MOMENT.jpg   one photo per camera and moment; CAMERA.jpg where there is one moment"""
 
@@ -90,9 +88,9 @@ class Calibrated(DataSet):
             if not isinstance(records, list):
                 return [f"{root / 'truth.json'}: must hold a list of photos, got a {type(records).__name__}"]
             return [problem for i, record in enumerate(records) for problem in _record_problems(root, i, record)]
-        if not any((root / name).is_file() for name in ("cameras.json", "calibration.toml")):
-            return [f"{root}: has none of truth.json, cameras.json and calibration.toml"]
-        cameras = _rig(root).get("cameras", {})
+        if not (root / "cameras.json").is_file():
+            return [f"{root}: has neither truth.json nor cameras.json"]
+        cameras = _json(root / "cameras.json").get("cameras", {})
         missing = [
             f"{root / 'cameras.json'}: camera '{name}' has no {key}"
             for name, record in cameras.items()
@@ -109,7 +107,7 @@ class Calibrated(DataSet):
         return self._views(root, options)
 
     def _views(self, root: Path, options: CalibratedOptions) -> FrameSet:
-        document = _rig(root)
+        document = _json(root / "cameras.json")
         up = _up(options.up, document.get("up"))
         moments = _json(root / "joints.json") if (root / "joints.json").is_file() else {}
         frames = []
@@ -228,14 +226,6 @@ def _record_problems(root: Path, i: int, record: Any) -> list[str]:
     if "image" in record and not (root / record["image"]).is_file():
         problems.append(f"{root / record['image']}: the photo is not there")
     return problems
-
-
-def _rig(root: Path) -> dict[str, Any]:
-    """Return the content of cameras.json, or of calibration.toml in its form."""
-    if (root / "cameras.json").is_file():
-        document: dict[str, Any] = _json(root / "cameras.json")
-        return document
-    return {"cameras": read_calibration(root / "calibration.toml"), "up": [0, 0, 1]}
 
 
 def _photos(root: Path, camera: str) -> list[Path]:
