@@ -24,6 +24,7 @@ ROOT = Path(__file__).parents[1]
 PLUGINS = {
     "physic_onnx": ROOT / "plugins" / "physic-onnx",
     "physic_transformers": ROOT / "plugins" / "physic-transformers",
+    "physic_cameras": ROOT / "plugins" / "physic-cameras",
     "physic_human": ROOT / "plugins" / "physic-human",
     "physic_omnieraser": ROOT / "contrib" / "physic-omnieraser",
 }
@@ -87,7 +88,7 @@ def words(found: Counter[str]) -> str:
 
 
 def records() -> list[BackendRecord]:
-    """Of all four plugins, in the order in which they list them."""
+    """Of all these plugins, in the order in which they list them."""
     return [record for package in PLUGINS for record in import_module(package).physic_backends()]
 
 
