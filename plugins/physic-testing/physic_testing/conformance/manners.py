@@ -176,7 +176,6 @@ def check_needs_no_more_memory_in_later_calls(subject: BackendUnderTest) -> None
         return
     for _ in range(_WARM_CALLS):
         subject.infer(backend, case)
-    gc.collect()
     before = resident_megabytes()
     for _ in range(CALLS - _WARM_CALLS):
         subject.infer(backend, case)
