@@ -16,7 +16,7 @@ import click
 from physic_core.cli.listing import format_table
 from physic_core.cli.output import echo, echo_json
 from physic_core.files.strict_json import from_json
-from physic_core.io.records import from_record_or_none, from_records
+from physic_core.io.records import from_record, from_records
 from physic_core.io.result_folder import REPORT_FILE
 from physic_core.types import BodyContact, CheckResult, StageRecord, Support, summarize_checks
 from physic_core.types.metres_text import metres_text
@@ -167,7 +167,7 @@ def _reason(person: Mapping[str, Any], checks: Sequence[CheckResult]) -> str:
         return "; ".join(failed)
     if own and person.get("grade") != "good":
         return f"not measured: {', '.join(check.title for check in own)}"
-    support = from_record_or_none(Support, person.get("support"))
+    support = None if person.get("support") is None else from_record(Support, person["support"])
     return "-" if support is None else str(support)
 
 

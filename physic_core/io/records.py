@@ -58,11 +58,6 @@ def from_record(kind: type[_Record], record: Mapping[str, Any]) -> _Record:
     return kind(**values)
 
 
-def from_record_or_none(kind: type[_Record], record: Mapping[str, Any] | None) -> _Record | None:
-    """Parse a dataclass as :func:`from_record` does; None is None."""
-    return None if record is None else from_record(kind, record)
-
-
 def from_records(kind: type[_Record], records: Iterable[Mapping[str, Any]] | None) -> tuple[_Record, ...]:
     """Parse a list of records; None is an empty one."""
     return tuple(from_record(kind, record) for record in records or ())

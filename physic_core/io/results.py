@@ -32,7 +32,7 @@ from physic_core.io.document import (
     decode_document,
     parse_skeleton,
 )
-from physic_core.io.records import from_record, from_record_or_none, from_records
+from physic_core.io.records import from_record, from_records
 from physic_core.io.result_folder import (
     ARRAYS_FILE,
     DOCUMENT_FILE,
@@ -266,7 +266,7 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
         grade=None if document["grade"] is None else Grade(document["grade"]),
         photo=document["photo"],
         unposed=from_records(UnposedPerson, document["unposed"]),
-        lens=from_record_or_none(Lens, document["lens"]),
+        lens=None if document["lens"] is None else from_record(Lens, document["lens"]),
         contact_partners=from_records(ContactPartner, document["contact_partners"]),
     )
     cameras = document.get("cameras", ())
@@ -306,7 +306,7 @@ def _person(record: Mapping[str, Any], index: int, arrays: Mapping[str, NDArray[
         unknown_checks=tuple(record["unknown_checks"]),
         grade=None if record["grade"] is None else Grade(record["grade"]),
         contacts=from_records(BodyContact, record["contacts"]),
-        support=from_record_or_none(Support, record["support"]),
+        support=None if record["support"] is None else from_record(Support, record["support"]),
         age=record["age"],
         world_contact=record.get("world_contact"),
         stature=from_json(record.get("stature")),

@@ -13,7 +13,6 @@ from physic_core.engine.sizes import (
     CONTRADICTION,
     FACTOR_SPREAD,
     STATURES_M,
-    log_growth_to_floor,
     stature_sigmas,
 )
 from physic_core.errors import ConfigError
@@ -138,7 +137,8 @@ def _growth_to_floor(solution: Solution) -> FloatArray:
         if floor is None or height is None or abs(height) <= CHECKS["sole_height"].threshold:
             continue
         if standing_legs(solution.joints[i]).all():
-            found[i] = log_growth_to_floor(height, floor.offset)
+            # A person grows about the camera; a height near the camera's would need an infinite factor.
+            found[i] = -math.log1p(-min(height / floor.offset, 0.9))
     return found
 
 

@@ -46,35 +46,20 @@ def undistort(
         return undistort_pixels(pixels, camera, distortion)
 
     lens = Lens(camera, (*distortion,))  # type: ignore[arg-type]
-    return photo, None if prompt is None else undistort_prompt(prompt, move, lens), undistort_sizes(known, move)
-
-
-def undistort_sizes(known: KnownSizes, move: Move) -> KnownSizes:
-    """Move the pixels of known lengths into the undistorted picture."""
+    if prompt is not None:
+        points = tuple((float(x), float(y)) for x, y in move(np.array(prompt.points).reshape(-1, 2)))
+        boxes = tuple(_box(box, move) for box in prompt.boxes)
+        masks = None if prompt.masks is None else np.stack([_mask(mask, lens) for mask in prompt.masks])
+        prompt = PeoplePrompt(points, boxes, masks)
     lengths = []
     for length in known.lengths:
         start, end = move(np.array([length.start, length.end])).tolist()
         lengths.append(replace(length, start=(start[0], start[1]), end=(end[0], end[1])))
-    return replace(known, lengths=tuple(lengths))
-
-
-def undistort_prompt(prompt: PeoplePrompt, move: Move, lens: Lens) -> PeoplePrompt:
-    """Move points, boxes and masks of people into the undistorted picture.
-
-    A box becomes the smallest one around its undistorted border.
-
-    Args:
-        prompt: px of the distorted picture.
-        move: from distorted to undistorted pixels.
-        lens: the opposite.
-    """
-    points = tuple((float(x), float(y)) for x, y in move(np.array(prompt.points).reshape(-1, 2)))
-    boxes = tuple(_box(box, move) for box in prompt.boxes)
-    masks = None if prompt.masks is None else np.stack([_mask(mask, lens) for mask in prompt.masks])
-    return PeoplePrompt(points, boxes, masks)
+    return photo, prompt, replace(known, lengths=tuple(lengths))
 
 
 def _box(box: tuple[float, float, float, float], move: Move) -> tuple[float, float, float, float]:
+    """Return the smallest box around the undistorted border of a box."""
     x0, y0, x1, y1 = (v - 0.5 for v in box)  # edges of a box are half open, pixels have their centres at integers
     x, y = np.linspace(x0, x1, _EDGE_POINTS), np.linspace(y0, y1, _EDGE_POINTS)
     border = np.concatenate(

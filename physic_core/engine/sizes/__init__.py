@@ -13,7 +13,6 @@ from physic_core.engine.sizes.people_in_scene import (
     CONTRADICTION,
     FACTOR_SPREAD,
     STATURES_M,
-    log_growth_to_floor,
     size_by_scene,
     stature_factor,
 )
@@ -46,7 +45,6 @@ __all__ = [
     "adult_shape",
     "betas_with_stature",
     "linearise_stature",
-    "log_growth_to_floor",
     "resize_bodies",
     "scale_by_people",
     "scale_scene",

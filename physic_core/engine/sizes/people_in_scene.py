@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import torch
@@ -49,16 +48,6 @@ def size_by_scene(
             by_points[i] = points[i][:, 2].median().to(body) / body[:, 2].median()
     too_far = (by_points / by_floor).nanmedian().nan_to_num(nan=1.0)
     return torch.where(torch.isfinite(by_floor), by_floor, by_points / too_far)
-
-
-def log_growth_to_floor(sole_height: float, floor_offset: float) -> float:
-    """Return the log factor by which a person must grow about the camera for the soles to meet the floor.
-
-    Args:
-        sole_height: of the lowest sole over the floor; clipped at 0.9 of the camera's height.
-        floor_offset: height of the camera over the floor.
-    """
-    return -math.log1p(-min(sole_height / floor_offset, 0.9))
 
 
 def stature_factor(measured: Tensor, stature: Tensor) -> Tensor:
