@@ -19,7 +19,7 @@ from pydantic import Field
 from physic_cameras.disk_lightglue import DiskLightGlue
 from physic_cameras.pairs import PairSettings, chained, known_link, link
 from physic_cameras.people import shown_people
-from physic_cameras.solution import Evidence, Photo, SolverOptions, skipped_photo, solved
+from physic_cameras.solution import Evidence, Photo, SolverOptions, focal_sigmas, skipped_photo, solved
 from physic_core import weights
 from physic_core.adapters.devices import check_device
 from physic_core.body import load_body
@@ -27,8 +27,12 @@ from physic_core.errors import BackendError, InputError
 from physic_core.interfaces import CameraSolver, Options
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from physic_cameras.bundle import Cameras, Matches
     from physic_cameras.disk_lightglue import Features, Matcher
-    from physic_core.types import MomentView, SolvedCameras
+    from physic_cameras.people import ShownPeople
+    from physic_core.types import FloatArray, MomentView, SolvedCameras
 
 MANIFEST = Path(__file__).parent / "weights"
 """Folder with the manifests of this plugin's weights."""
@@ -95,24 +99,13 @@ class LightGlueCameras(CameraSolver):
         model = load_body("embedded").to(dtype=torch.float64)
         people = [shown_people(view, model) for view in photos]
         features = [_background(self._matcher.features(view.image), view, self.options.margin) for view in photos]
-        links, counts = {}, {}
+        pixels = {}
         for a, b in itertools.combinations(range(len(photos)), 2):
-            if (known := known_link(photos[a], photos[b])) is not None:
-                links[a, b] = known
-                continue
-            found = self._matcher.match(features[a], features[b])
-            pixels = np.stack([features[a].pixels[found[:, 0]], features[b].pixels[found[:, 1]]], axis=1)
-            pair = (photos[a], photos[b]), (people[a], people[b])
-            one = link(pixels, *pair, self.options.pairs, self.options.people)
-            counts[f"{photos[a].name}, {photos[b].name}"] = len(found)
-            if one is not None:
-                links[a, b] = one
-        if not links:
-            raise InputError(
-                f"no two of the photos {', '.join(view.name for view in photos)} show the same background and the same "
-                "people: give photos whose backgrounds overlap, or the solver 'people', which needs no background"
-            )
-        order, cameras, matches = chained(links, photos, self.options.bundle)
+            if photos[a].pose is None or photos[b].pose is None:
+                found = self._matcher.match(features[a], features[b])
+                pixels[a, b] = np.stack([features[a].pixels[found[:, 0]], features[b].pixels[found[:, 1]]], axis=1)
+        order, cameras, matches = self._best(photos, people, pixels)
+        counts = {f"{photos[a].name}, {photos[b].name}": len(found) for (a, b), found in pixels.items()}
         skipped = [
             skipped_photo(v, view, "other background", "its background and people are not those of the other photos")
             if len(people[v])
@@ -122,6 +115,36 @@ class LightGlueCameras(CameraSolver):
         ]
         used = [Photo(v, photos[v], people[v]) for v in order]
         return solved(photos, used, Evidence(cameras, matches), skipped, self.options, {"matched_pixels": counts})
+
+    def _best(
+        self, photos: Sequence[MomentView], people: Sequence[ShownPeople], pixels: Mapping[tuple[int, int], FloatArray]
+    ) -> tuple[list[int], Cameras, Matches]:
+        """Return the photos of the best tree, their cameras, and their matches.
+
+        Essential matrices need focal lengths: those of the photos, and all shorter or longer by their standard
+        deviations. The best solution has most photos, and most matches that fit it.
+
+        Raises:
+            InputError: no two photos share background and people.
+        """
+        found = []
+        for log_focal in np.array([[0.0], [-1.0], [1.0]]) * focal_sigmas(photos):
+            links = {}
+            for a, b in itertools.combinations(range(len(photos)), 2):
+                pair, focal = ((photos[a], photos[b]), (people[a], people[b])), log_focal[[a, b]]
+                if (a, b) not in pixels:
+                    links[a, b] = known_link(*pair[0])
+                elif one := link(pixels[a, b], *pair, focal, self.options.pairs, self.options.people):
+                    links[a, b] = one
+            if links:
+                found.append(chained(links, photos, log_focal, self.options.bundle))
+        if not found:
+            raise InputError(
+                f"no two of the photos {', '.join(view.name for view in photos)} show the same background and the same "
+                "people: give photos whose backgrounds overlap, or the solver 'people', which needs no background"
+            )
+        bound = self.options.bundle.outlier
+        return max(found, key=lambda one: (len(one[0]), int((np.abs(one[2].errors(one[1])) < bound).sum())))
 
 
 def _background(features: Features, view: MomentView, margin: int) -> Features:

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 _CERTAIN = 0.9999
 _WIDTH = 1000.0
-_MOST = 0.9  # share of the largest number of inliers at which a focal length is not excluded
 _ROUGH = 2.0  # factor on the bound of keypoints, before focal lengths are adjusted
 _ROUGH_TURN, _ROUGH_LENGTH = 0.3, 0.3  # radians, and share of the distance between cameras: errors of the chain
 
@@ -50,83 +49,70 @@ class Link:
     Attributes:
         rotation: (3, 3) from the first camera to the second.
         translation: (3,) of the same motion, metres.
-        log_focal: (2,) logarithm of the factor on both focal lengths.
         matches: of the photos 0 and 1; some are wrong.
         is_known: whether the user states it.
     """
 
     rotation: FloatArray
     translation: FloatArray
-    log_focal: FloatArray
     matches: Matches
     is_known: bool = False
 
 
-def known_link(one: MomentView, two: MomentView) -> Link | None:
-    """Return the motion between two cameras of known pose, without matches; None if a pose is not known."""
-    if one.pose is None or two.pose is None:
-        return None
+def known_link(one: MomentView, two: MomentView) -> Link:
+    """Return the motion between two cameras of known pose, without matches."""
+    assert one.pose is not None
+    assert two.pose is not None
     rotation, translation = known_motion(one.pose, two.pose)
-    return Link(rotation, translation, np.zeros(2), Matches.none(), is_known=True)
+    return Link(rotation, translation, Matches.none(), is_known=True)
 
 
 def link(
     pixels: FloatArray,
     views: tuple[MomentView, MomentView],
     people: tuple[ShownPeople, ShownPeople],
+    log_focal: FloatArray,
     settings: PairSettings,
     who: PeopleSettings,
 ) -> Link | None:
     """Return the motion between two cameras, or None if the photos have too few matches, or nobody in common.
 
-    The essential matrix is found by MAGSAC++, with the focal lengths of the photos and with both longer or shorter by
-    their standard deviation, of which people choose. The length of the translation follows from the sizes of the people
-    of both photos.
+    The essential matrix is found by MAGSAC++; the length of the translation follows from the sizes of the people of
+    both photos.
 
     Args:
         pixels: (m, 2, 2) px of matches in both photos.
         views: the photos.
         people: of the photos.
+        log_focal: (2,) logarithm of the factor on both focal lengths.
         settings: of the essential matrix.
         who: when two people are the same.
     """
     if len(pixels) < settings.inliers:
         return None
     pixels = pixels[:: -(-len(pixels) // settings.used)]
-    cameras = [view.intrinsics for view in views]
+    cameras, focal = [view.intrinsics for view in views], np.exp(log_focal)
     rays = np.stack([(pixels[:, k] - [c.cx, c.cy]) / [c.fx, c.fy] for k, c in enumerate(cameras)], axis=1)
     unit = float(np.exp(np.mean([np.log(max(c.width, c.height) / _WIDTH / c.fx) for c in cameras])))
-    matches = Matches(np.tile([0, 1], (len(rays), 1)), rays, np.full(len(rays), settings.error_px * unit))
-    bound = settings.inlier_px / settings.error_px
-    rough, found = replace(who, keypoint=_ROUGH * who.keypoint), []
-    for log_focal in np.mean(focal_sigmas(views)) * np.array([0.0, -1.0, 1.0]):
-        pair = _motion(rays / np.exp(log_focal), settings.inlier_px * unit / np.exp(log_focal), log_focal)
-        if pair is not None:
-            seen = [photo.with_focal(float(np.exp(log_focal))) for photo in people]
-            matched = match_people(seen, pair.rig, rough)
-            found.append((int((np.abs(matches.errors(pair)) < bound).sum()), matched, pair))
-    # Many matches agree at several focal lengths: people decide between these.
-    least = max([settings.inliers, *(_MOST * inliers for inliers, _, _ in found)])
-    good = [(matched, pair) for inliers, matched, pair in found if inliers >= least and len(matched.rows)]
-    if not good:
-        return None
-    matched, pair = max(good, key=lambda one: one[0].score)
-    return Link(pair.rig.rotation[1], matched.scale * pair.rig.translation[1], pair.log_focal, matches)
-
-
-def _motion(rays: FloatArray, threshold: float, log_focal: float) -> Cameras | None:
-    """Return the two cameras of matched rays (m, 2, 2), one unit apart, or None if there is no such motion."""
-    essential, near = cv2.findEssentialMat(rays[:, 0], rays[:, 1], np.eye(3), cv2.USAC_MAGSAC, _CERTAIN, threshold)
+    one, two = np.ascontiguousarray((rays / focal[:, None]).transpose(1, 0, 2))
+    threshold = settings.inlier_px * unit / float(np.sqrt(focal.prod()))
+    essential, near = cv2.findEssentialMat(one, two, np.eye(3), cv2.USAC_MAGSAC, _CERTAIN, threshold)
     if essential is None or essential.shape != (3, 3):
         return None
-    one, two = rays[:, 0].copy(), rays[:, 1].copy()
-    _, rotation, translation, _ = cv2.recoverPose(essential, one, two, np.eye(3), mask=near.copy())
+    count, rotation, translation, _ = cv2.recoverPose(essential, one, two, np.eye(3), mask=near)
+    if count < settings.inliers:
+        return None
     rig = Rig(np.stack([np.eye(3), rotation]), np.stack([np.zeros(3), translation[:, 0]]))
-    return Cameras(rig, np.full(2, log_focal))
+    seen = [photo.with_focal(factor) for photo, factor in zip(people, focal.tolist(), strict=True)]
+    matched = match_people(seen, rig, replace(who, keypoint=_ROUGH * who.keypoint))
+    if not len(matched.rows):
+        return None
+    matches = Matches(np.tile([0, 1], (len(rays), 1)), rays, np.full(len(rays), settings.error_px * unit))
+    return Link(rotation, matched.scale * translation[:, 0], matches)
 
 
 def chained(
-    links: Mapping[tuple[int, int], Link], views: Sequence[MomentView], bundle: BundleSettings
+    links: Mapping[tuple[int, int], Link], views: Sequence[MomentView], log_focal: FloatArray, bundle: BundleSettings
 ) -> tuple[list[int], Cameras, Matches]:
     """Return the photos of the tree with most matches, their cameras, and all matches between them.
 
@@ -135,7 +121,8 @@ def chained(
 
     Args:
         links: of pairs of photos a < b; at least one.
-        views: all photos.
+        views: all V photos.
+        log_focal: (V,) logarithms of the factors on the focal lengths with which the links were found.
         bundle: of the adjustment.
     """
     size = {pair: np.inf if one.is_known else len(one.matches.sigma) for pair, one in links.items()}
@@ -158,10 +145,9 @@ def chained(
         np.concatenate([one.matches.rays for one in used.values()]),
         np.concatenate([one.matches.sigma for one in used.values()]),
     )
-    focal = [np.mean([one.log_focal[pair.index(v)] for pair, one in used.items() if v in pair]) for v in order]
     # Matched pixels do not compare the lengths of two motions: those that people tell stay nearly.
     prior = PosePrior(rig, _ROUGH_TURN, _ROUGH_LENGTH * float(np.linalg.norm(rig.centres, axis=1).mean()))
     chosen = [views[v] for v in order]
     fixed = fixed_cameras(chosen, 0)
     problem = Problem(Sightings.none(len(order)), matches, focal_sigmas(chosen), fixed, prior)
-    return order, adjust(problem, Cameras(rig, np.array(focal)), bundle).cameras, matches
+    return order, adjust(problem, Cameras(rig, log_focal[order]), bundle).cameras, matches

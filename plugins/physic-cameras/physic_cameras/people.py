@@ -117,12 +117,10 @@ class MatchedPeople:
     Attributes:
         rows: (P, V) row of each person in each photo, -1 where not shown; each in at least two photos.
         scale: factor from the lengths of the rig to metres.
-        score: how well all pairs match: 3 for a perfect one.
     """
 
     rows: IntArray
     scale: float
-    score: float
 
 
 @dataclass(frozen=True)
@@ -153,7 +151,7 @@ def match_people(photos: Sequence[ShownPeople], rig: Rig, settings: PeopleSettin
         if sum(one[0] for one in chosen) > sum(one[0] for one in best):
             best = chosen
     scale = float(np.exp(np.median([one[-1] for one in best]))) if best else 1.0
-    return MatchedPeople(_joined(best, len(photos)), scale, sum(one[0] for one in best))
+    return MatchedPeople(_joined(best, len(photos)), scale)
 
 
 def log_size_ratio(landmarks: FloatArray, points: FloatArray) -> float:
