@@ -62,9 +62,9 @@ def test_an_age_holds_in_all_photos_and_is_in_the_result(solver, worlds, ages):
     stature = [float(model.stature(torch.tensor(one.parameters.betas))) for one in (person, other)]
     assert stature[0] == pytest.approx(np.exp(load_ages().at_age(YEARS)[0]), rel=0.12)
     assert stature[1] > 1.5
-    for camera in found.cameras:
-        (own,) = (i for i, one in enumerate(camera.result.people) if one.age == YEARS)
-        assert camera.people[own] == next(i for i, one in enumerate(found.people) if one.row == child)
+    for photo in found.photos:
+        (own,) = (i for i, one in enumerate(photo.result.people) if one.age == YEARS)
+        assert photo.people[own] == next(i for i, one in enumerate(found.people) if one.row == child)
     assert any(note.startswith(f"person {child} is a child of 10 years") for note in found.reconstruction.notes)
 
 
