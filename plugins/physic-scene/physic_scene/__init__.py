@@ -42,7 +42,7 @@ def physic_backends() -> list[BackendRecord]:
             "people",
             "physic_scene.solver:PeopleCameras",
             api=1,
-            summary="Cameras from matched people: keypoints, bodies, floors and background",
+            summary="Cameras from matched people: keypoints, bodies and floors",
         )
     ]
 

@@ -8,7 +8,6 @@ person's keypoints in the reference frame. Residuals, in units of their expected
   the line of sight are larger;
 * bones: lengths between points against those of the bodies;
 * floors: their normals against each other;
-* background: distances of matched background pixels from their epipolar lines;
 * focal lengths against those of the photos, whose errors have a part in common.
 
 The sizes are those of ``measured_errors.json``. The mean length of all bones gives the scale, after the adjustment:
@@ -57,7 +56,6 @@ class BundleSettings:
 
     Attributes:
         keypoint: factor on the measured errors of keypoints.
-        epipolar_px: distance of a background pixel from its epipolar line, px of a photo 1000 px wide.
         outlier: beyond this many expected sizes, a residual counts as an outlier. 0.7 gives the least errors of
             directions of twelve worlds, and makes the stated uncertainty theirs; 1.0 and 1.5 have larger ones.
         steps: most steps at each of ``rounds``.
@@ -73,7 +71,6 @@ class BundleSettings:
     """
 
     keypoint: Positive = 1.0
-    epipolar_px: Positive = 2.0
     outlier: Positive = 0.7
     steps: PositiveCount = 25
     rounds: Annotated[tuple[Positive, ...], MinLen(1), MaxLen(8)] = (8.0, 3.0, 1.0)
@@ -85,21 +82,6 @@ class BundleSettings:
     def for_known_cameras(self) -> BundleSettings:
         """Return the settings for the points of known cameras."""
         return replace(self, keypoint=self.known_keypoint, outlier=self.known_outlier)
-
-
-@dataclass(frozen=True)
-class PixelMatches:
-    """Pixels of two photos that show the same point of the background.
-
-    Attributes:
-        views: index of the first and of the second photo.
-        first: (n, 2) px.
-        second: (n, 2) px.
-    """
-
-    views: tuple[int, int]
-    first: FloatArray
-    second: FloatArray
 
 
 @dataclass(frozen=True)
@@ -120,7 +102,6 @@ class Observations:
         bone_m: (P, B) lengths.
         bone_sigma: (P,) error of their logarithm; NaN for that of the settings.
         up: (V, 3) normal of the floor in each photo, NaN without a floor.
-        background: matches of pixels.
         known: (V,) bool, cameras whose motions between each other are known; at least two, or none.
     """
 
@@ -138,16 +119,14 @@ class Observations:
     bone_sigma: FloatArray
     up: FloatArray
     known: BoolArray
-    background: tuple[PixelMatches, ...] = ()
 
     @classmethod
-    def of(cls, people: Sequence[PhotoPeople], rows: IntArray, background: Sequence[PixelMatches] = ()) -> Observations:
+    def of(cls, people: Sequence[PhotoPeople], rows: IntArray) -> Observations:
         """Collect the observations of matched people.
 
         Args:
             people: of each photo.
             rows: (P, V) row of each person in each photo, -1 where not shown.
-            background: matches of pixels.
         """
         shown = rows.T >= 0
 
@@ -177,7 +156,6 @@ class Observations:
             bone_sigma=np.full(len(mean), np.nan),
             up=np.stack([photo.up for photo in people]),
             known=known & (known.sum() > 1),
-            background=tuple(background),
         )
 
 
@@ -399,7 +377,6 @@ def _blocks(observations: Observations, state: Bundle, reference: int, settings:
         blocks.append(Block((turning[0] @ vector)[None], turning, first_turn + own[:1], robust=False))
     blocks.append(_bone_block(observations, state, first_point, errors.bone))
     blocks += _floor_blocks(observations, state, errors.floor_deg)
-    blocks += [_epipolar_block(match, observations, state, settings) for match in observations.background]
     return blocks
 
 
@@ -534,44 +511,3 @@ def _cross(vectors: FloatArray) -> FloatArray:
     x, y, z = np.moveaxis(vectors, -1, 0)
     zero = np.zeros_like(x)
     return np.stack([np.stack([zero, -z, y], -1), np.stack([z, zero, -x], -1), np.stack([-y, x, zero], -1)], axis=-2)
-
-
-def _epipolar_block(match: PixelMatches, observations: Observations, state: Bundle, settings: BundleSettings) -> Block:
-    """Return the distances of matched pixels from their epipolar lines (Sampson), with derivatives by differences."""
-    views = len(state.rotation)
-    a, b = match.views
-    columns = np.concatenate([np.arange(6 * a, 6 * a + 6), np.arange(6 * b, 6 * b + 6), [6 * views + a, 6 * views + b]])
-    base = sampson(match, observations.K, state)
-    jacobian = np.zeros((len(base), len(columns)))
-    size = 7 * views + state.points.size + 2 * state.place.size
-    for k, column in enumerate(columns):
-        step = np.zeros(size)
-        step[column] = 1e-6
-        jacobian[:, k] = (sampson(match, observations.K, state.moved(step)) - base) / 1e-6
-    unit = settings.epipolar_px * observations.K[a, 0, 2] / 500
-    # All pixels of a pair together count as much as a few people: their errors have common causes.
-    unit *= max(1.0, np.sqrt(len(base) / 40))
-    every = np.broadcast_to(columns, (len(base), len(columns)))
-    return Block(base[:, None] / unit, jacobian[:, None] / unit, every)
-
-
-def sampson(match: PixelMatches, K: FloatArray, state: Bundle) -> FloatArray:
-    """Return the signed distances (n,) of matched pixels from their epipolar lines, px, to first order."""
-    a, b = match.views
-    motion = state.pose(b).after(state.pose(a).inverse())
-    essential = _cross(motion.translation / max(float(np.linalg.norm(motion.translation)), 1e-9)) @ motion.rotation
-    inverse = [np.linalg.inv(_zoomed(K[v], state.log_focal[v])) for v in (a, b)]
-    fundamental = inverse[1].T @ essential @ inverse[0]
-    one, two = (np.column_stack([points, np.ones(len(points))]) for points in (match.first, match.second))
-    line_two, line_one = one @ fundamental.T, two @ fundamental
-    scale = np.sqrt((line_two[:, :2] ** 2).sum(1) + (line_one[:, :2] ** 2).sum(1))
-    distance: FloatArray = (two * line_two).sum(1) / np.maximum(scale, 1e-12)
-    return distance
-
-
-def _zoomed(K: FloatArray, log_focal: float) -> FloatArray:
-    """Return a camera matrix with its focal lengths multiplied."""
-    zoomed = K.copy()
-    zoomed[0, 0] *= np.exp(log_focal)
-    zoomed[1, 1] *= np.exp(log_focal)
-    return zoomed

@@ -110,9 +110,6 @@ def _solution(
         moved=moved,
         skipped=chosen.left_out,
         diagnostics={
-            "matched_pixels": {
-                f"{photos[m.views[0]].name}, {photos[m.views[1]].name}": len(m.first) for m in chosen.background
-            },
             "matching_scores": {
                 f"{photos[a].name}, {photos[b].name}": round(match.score, 2) for (a, b), match in chosen.matches.items()
             },
@@ -147,7 +144,7 @@ def _adjusted(chosen: ChosenPhotos, rows: IntArray, settings: SceneSettings) -> 
     people = [photo.people for photo in chosen.photos]
     reference = reference_photo(rows, people)
     poses = start_poses(chosen, reference)
-    observations = _sized(Observations.of(people, rows, chosen.background), chosen, rows, poses)
+    observations = _sized(Observations.of(people, rows), chosen, rows, poses)
     start = Bundle.start(observations, poses)
     own = settings.bundle.for_known_cameras() if observations.known.any() else settings.bundle
     bundle = adjust(observations, start, reference, own)

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from physic_core.types.bounds import Degrees, NotNegative, Positive, PositiveCount
-from physic_scene.bundle import Bundle, BundleSettings, Observations, PixelMatches, adjust, energy
+from physic_scene.bundle import Bundle, BundleSettings, Observations, adjust, energy
 from physic_scene.rigid import Pose, angle_deg, fit_rotation
 
 if TYPE_CHECKING:
@@ -75,14 +75,12 @@ class PairMatch:
         score: of the answer, a logarithm of a likelihood up to a constant of the two photos.
         motion: from the frame of the first camera to that of the second.
         odds: (N, M) logarithm of the odds that two people are the same person.
-        background: pixels that show the same points of the background, None with too few.
     """
 
     pairs: Pairs
     score: float
     motion: Pose
     odds: FloatArray
-    background: PixelMatches | None = None
 
 
 def match_pair(
@@ -90,17 +88,16 @@ def match_pair(
     two: PhotoPeople,
     settings: MatchingSettings,
     bundle: BundleSettings,
-    background: PixelMatches | None = None,
 ) -> PairMatch:
-    """Match the people of two photos, whose backgrounds may have pixels in common."""
+    """Match the people of two photos."""
     pose, turns = compare_poses(one, two)
     clothes = _clothes_cost(one, two, settings)
     found: dict[Pairs, tuple[float, Pose]] = {}
     for pairs in dict.fromkeys(_answers(one, two, pose, turns, clothes, settings)):
-        cost, motion = answer_cost(one, two, pairs, relative_motion(one, two, pairs), settings, bundle, background)
+        cost, motion = answer_cost(one, two, pairs, relative_motion(one, two, pairs), settings, bundle)
         found[pairs] = settings.worth * len(pairs) - cost, motion
     best = max(found, key=lambda pairs: found[pairs][0])
-    return PairMatch(best, *found[best], _odds({p: score for p, (score, _) in found.items()}, pose.shape), background)
+    return PairMatch(best, *found[best], _odds({p: score for p, (score, _) in found.items()}, pose.shape))
 
 
 def answer_cost(
@@ -110,11 +107,10 @@ def answer_cost(
     motion: Pose,
     settings: MatchingSettings,
     bundle: BundleSettings,
-    background: PixelMatches | None = None,
 ) -> tuple[float, Pose]:
     """Return what an answer costs, half of the energy of its people and their clothes, and its motion near a start."""
     quick = replace(bundle, rounds=bundle.rounds[1:] or bundle.rounds, steps=settings.steps)
-    seen = Observations.of([one, two], np.array(pairs), () if background is None else (background,))
+    seen = Observations.of([one, two], np.array(pairs))
     state = adjust(seen, Bundle.start(seen, [Pose.identity(), motion]), 0, quick)
     clothes = _clothes_cost(one, two, settings)
     return energy(seen, state, 0, quick) / 2 + float(sum(clothes[pair] for pair in pairs)), state.pose(1)

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from physic_core.errors import InputError
 from physic_core.types import SkippedPhoto
 from physic_core.types.short_repr import ShortRepr
-from physic_scene.background import Background, same_background, same_photo, sees
 from physic_scene.matching import PairMatch, join_tracks, joined_matches, match_pair
+from physic_scene.twins import same_photo, thumbnail
 
 if TYPE_CHECKING:
-    from physic_core.types import IntArray, Intrinsics, MomentView
-    from physic_scene.bundle import PixelMatches
+    from physic_core.types import FloatArray, IntArray, Intrinsics, MomentView
     from physic_scene.observations import PhotoPeople
     from physic_scene.settings import SceneSettings
 
@@ -58,12 +57,6 @@ class ChosenPhotos(ShortRepr):
     left_out: tuple[SkippedPhoto, ...]
     intrinsics: tuple[Intrinsics, ...]
 
-    @property
-    def background(self) -> tuple[PixelMatches, ...]:
-        """Matched pixels of pairs of photos that certainly show the same background."""
-        pixels = ((pair, match.background) for pair, match in self.matches.items())
-        return tuple(replace(own, views=pair) for pair, own in pixels if own is not None)
-
     def without(self, view: int, reason: str, why: str) -> ChosenPhotos:
         """Return a copy without one photo."""
         photo = self.photos[view]
@@ -91,18 +84,18 @@ def select_photos(photos: Sequence[Photo], settings: SceneSettings) -> ChosenPho
     """
     left: list[SkippedPhoto] = []
     kept: list[Photo] = []
-    seen: list[Background] = []
+    seen: list[FloatArray] = []
     for photo in photos:
         if not len(photo.people):
             left.append(_skipped_photo(photo.index, photo.name, "no people", "no person in it has a body"))
             continue
-        background = sees(photo.view, settings.background)
-        twin = next((k.name for k, s in zip(kept, seen, strict=True) if same_photo(s, background)), None)
+        picture = thumbnail(photo.view)
+        twin = next((k.name for k, s in zip(kept, seen, strict=True) if same_photo(s, picture)), None)
         if twin is not None:
             left.append(_skipped_photo(photo.index, photo.name, "same photo", f"it is the same picture as {twin}"))
             continue
         kept.append(photo)
-        seen.append(background)
+        seen.append(picture)
     if len(kept) < 2:
         rest = f"only {kept[0].name} is left" if kept else "none is left"
         raise InputError(
@@ -111,9 +104,7 @@ def select_photos(photos: Sequence[Photo], settings: SceneSettings) -> ChosenPho
         )
     matches = {}
     for a, b in itertools.combinations(range(len(kept)), 2):
-        one, two = kept[a].people, kept[b].people
-        pixels = same_background(seen[a], seen[b], (one.K, two.K), (0, 1), settings.background)
-        matches[a, b] = match_pair(one, two, settings.matching, settings.bundle, pixels)
+        matches[a, b] = match_pair(kept[a].people, kept[b].people, settings.matching, settings.bundle)
     people = [photo.people for photo in kept]
     rows = join_tracks(people, matches)
     cameras = tuple(photo.view.intrinsics for photo in photos)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from physic_core.types.bounds import NotNegative, Positive, Share
-from physic_scene.background import BackgroundSettings
 from physic_scene.bundle import BundleSettings
 from physic_scene.energy import KeypointSettings
 from physic_scene.matching import MatchingSettings
@@ -47,7 +46,6 @@ class SceneSettings:
     """Settings of all steps."""
 
     matching: MatchingSettings = field(default_factory=MatchingSettings)
-    background: BackgroundSettings = field(default_factory=BackgroundSettings)
     bundle: BundleSettings = field(default_factory=BundleSettings)
     fit: FitLimits = field(default_factory=FitLimits)
     keypoints: KeypointSettings = field(default_factory=KeypointSettings)

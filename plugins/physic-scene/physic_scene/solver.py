@@ -1,4 +1,4 @@
-"""The CameraSolver of this package: cameras from the people of the photos, and matched pixels of the background."""
+"""The CameraSolver of this package: cameras from the people of the photos."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from pydantic import Field
 
 from physic_core.body import load_body
 from physic_core.interfaces import CameraSolver, Options
-from physic_scene.background import BackgroundSettings
 from physic_scene.bundle import BundleSettings
 from physic_scene.cameras import solve_cameras
 from physic_scene.matching import MatchingSettings
@@ -25,7 +24,6 @@ class PeopleCamerasOptions(Options):
     """Settings of PeopleCameras; docs/scene.md explains its steps."""
 
     matching: MatchingSettings = Field(MatchingSettings(), description="who is who")
-    background: BackgroundSettings = Field(BackgroundSettings(), description="matched pixels of the background")
     bundle: BundleSettings = Field(BundleSettings(), description="bundle adjustment of cameras and people")
     fit: FitLimits = Field(FitLimits(), description="limits of what fits one moment")
 

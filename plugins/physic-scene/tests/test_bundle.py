@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from physic_scene.bundle import Bundle, BundleSettings, Observations, PixelMatches, adjust, uncertainties
+from physic_scene.bundle import Bundle, BundleSettings, Observations, adjust, uncertainties
 from physic_scene.elsewhere import likeliest_elsewhere
 from physic_scene.rigid import Pose, angle_deg, fit_rotation, mean_rotation
 
@@ -30,7 +30,7 @@ def moment():
     return points, poses
 
 
-def observations(points, poses, rng, noise_px=0.0, background=()):
+def observations(points, poses, rng, noise_px=0.0):
     K = np.array([[FOCAL, 0, WIDTH / 2], [0, FOCAL, WIDTH / 2], [0, 0, 1]])
     local = np.stack([pose.to_camera(points) for pose in poses])
     pixels = local[..., :2] / local[..., 2:] * FOCAL + WIDTH / 2
@@ -51,7 +51,6 @@ def observations(points, poses, rng, noise_px=0.0, background=()):
         bone_sigma=np.full(len(points), np.nan),
         up=np.full((len(poses), 3), np.nan),
         known=np.zeros(len(poses), bool),
-        background=tuple(background),
     )
 
 
@@ -124,20 +123,6 @@ def test_the_reference_camera_stays_and_others_have_an_uncertainty(moment):
     first, *others = uncertainties(seen, found, 0)
     assert first.rotation < np.radians(0.1)
     assert all(0 < other.rotation < np.radians(5) and 0 < other.position_m < 0.5 for other in others)
-
-
-def test_background_pixels_narrow_the_uncertainty(moment):
-    points, poses = moment
-    rng = np.random.default_rng(4)
-    far = np.column_stack([rng.uniform(-2, 2, 60), rng.uniform(-1, 1, 60), rng.uniform(5, 7, 60)])
-    pixels = []
-    for pose in poses[:2]:
-        local = pose.to_camera(far)
-        pixels.append(local[:, :2] / local[:, 2:] * FOCAL + WIDTH / 2)
-    match = PixelMatches((0, 1), *pixels)
-    plain, helped = (observations(points, poses, np.random.default_rng(5), 2.0, m) for m in ((), (match,)))
-    sigmas = [uncertainties(seen, Bundle.start(seen, poses), 0)[1].rotation for seen in (plain, helped)]
-    assert sigmas[1] < sigmas[0]
 
 
 def test_the_mean_rotation_ignores_one_of_three():
