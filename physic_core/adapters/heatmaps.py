@@ -71,21 +71,6 @@ def subpixel_peaks(heatmaps: FloatArray, *, sigma: float = 0.8, radius: int = 5)
     return cells + np.where(near[..., None], step, 0.0), value
 
 
-def simcc_peaks(along_x: FloatArray, along_y: FloatArray, split: float = 2.0) -> tuple[FloatArray, FloatArray]:
-    """Decode keypoints of a network that classifies x and y separately (SimCC, arXiv:2107.03332).
-
-    Args:
-        along_x: (N, J, split * width).
-        along_y: (N, J, split * height).
-        split: bins per px of the network's input.
-
-    Returns:
-        Points (N, J, 2) in px of the network's input, and the lower of the two maxima (N, J).
-    """
-    points = np.stack([along_x.argmax(-1), along_y.argmax(-1)], -1) / split
-    return points, np.minimum(along_x.max(-1), along_y.max(-1)).astype(np.float64)
-
-
 def scores_to_confidence(scores: FloatArray, full: float = 1.0) -> FloatArray:
     """Divide scores by ``full`` and clip them to [0, 1]; NaN becomes 0."""
     found: FloatArray = np.clip(np.nan_to_num(scores / full, nan=0.0), 0.0, 1.0)

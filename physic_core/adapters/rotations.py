@@ -39,9 +39,3 @@ def to_rotvecs(rotations: FloatArray, joints: int) -> FloatArray:
     if valid.any():
         out[valid] = Rotation.from_matrix(flat[valid]).as_rotvec()
     return out.reshape(rows, joints, 3)
-
-
-def mirror_rotvecs(rotvecs: FloatArray) -> FloatArray:
-    """Mirror rotation vectors (..., 3) left to right (x -> -x): (x, y, z) becomes (x, -y, -z)."""
-    out: FloatArray = rotvecs * np.array([1.0, -1.0, -1.0])
-    return out

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from physic_core.adapters.heatmaps import heatmap_peaks, simcc_peaks, subpixel_peaks
+from physic_core.adapters.heatmaps import heatmap_peaks, subpixel_peaks
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -54,12 +54,3 @@ def test_refined_peaks_are_those_of_transformers() -> None:
     ours, value = subpixel_peaks(maps)
     assert np.allclose(ours, theirs, atol=2e-3)
     assert np.allclose(value, scores[..., 0])
-
-
-def test_simcc_bins_are_half_pixels_and_the_lower_maximum_counts() -> None:
-    along_x, along_y = np.zeros((1, 2, 384), np.float32), np.zeros((1, 2, 512), np.float32)
-    along_x[0, 0, 101], along_y[0, 0, 300] = 0.8, 0.6
-    along_x[0, 1, 383], along_y[0, 1, 0] = 0.3, 1.2
-    points, value = simcc_peaks(along_x, along_y)
-    assert points.tolist() == [[[50.5, 150.0], [191.5, 0.0]]]
-    assert np.allclose(value, [[0.6, 0.3]])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from physic_core.adapters.rotations import mirror_rotvecs, to_rotvecs
+from physic_core.adapters.rotations import to_rotvecs
 
 
 def test_matrices_and_vectors_are_the_same_rotations() -> None:
@@ -19,10 +19,3 @@ def test_a_matrix_that_is_no_rotation_becomes_nan() -> None:
     matrices = np.stack([np.eye(3), np.diag([-1.0, 1, 1]), np.zeros((3, 3)), np.full((3, 3), np.nan)])[None]
     found = to_rotvecs(matrices, 4)[0]
     np.testing.assert_array_equal(np.isnan(found).any(axis=1), [False, True, True, True])
-
-
-def test_mirrored_rotations_are_those_of_a_mirrored_world() -> None:
-    vectors = np.random.default_rng(2).normal(0, 1, (20, 3))
-    mirror = np.diag([-1.0, 1.0, 1.0])
-    turned = mirror @ Rotation.from_rotvec(vectors).as_matrix() @ mirror
-    np.testing.assert_allclose(Rotation.from_rotvec(mirror_rotvecs(vectors)).as_matrix(), turned, atol=1e-12)

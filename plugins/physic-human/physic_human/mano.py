@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.adapters.rotations import mirror_rotvecs, to_rotvecs
+from physic_core.adapters.rotations import to_rotvecs
 from physic_core.types import Hands
 
 if TYPE_CHECKING:
@@ -83,3 +83,9 @@ def _wrist_rotvecs(wrists: FloatArray, found: int) -> FloatArray:
     if given.shape == (found, 3, 3):
         given = given[:, None]
     return to_rotvecs(given, 1)[:, 0]
+
+
+def mirror_rotvecs(rotvecs: FloatArray) -> FloatArray:
+    """Mirror rotation vectors (..., 3) left to right (x -> -x): (x, y, z) becomes (x, -y, -z)."""
+    out: FloatArray = rotvecs * np.array([1.0, -1.0, -1.0])
+    return out

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.adapters.rotations import mirror_rotvecs
 from physic_core.errors import BackendError, BodyModelError, WeightsMissingError
 from physic_core.types import Keypoints, People
+from physic_human.mano import mirror_rotvecs
 from physic_human.wilor import Wilor, WilorOptions
 from physic_testing.body_files import mano_arrays, write_published
 from physic_testing.conformance import parametrize_with_checks

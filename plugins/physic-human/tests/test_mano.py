@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from physic_core.adapters.rotations import mirror_rotvecs
 from physic_core.interfaces import HandEstimator
-from physic_human.mano import hands_from_mano
+from physic_human.mano import hands_from_mano, mirror_rotvecs
 from physic_testing import violations
 
 RNG = np.random.default_rng(0)
@@ -49,3 +48,10 @@ def test_a_hand_that_is_not_a_number_was_not_found() -> None:
     hands = hands_from_mano(2, fingers=broken, **BOTH)
     np.testing.assert_allclose(hands.confidence[1], [0.8, 0.0], atol=1e-6)
     assert np.isfinite(hands.rotvecs).all()
+
+
+def test_mirrored_rotations_are_those_of_a_mirrored_world() -> None:
+    vectors = np.random.default_rng(2).normal(0, 1, (20, 3))
+    mirror = np.diag([-1.0, 1.0, 1.0])
+    turned = mirror @ Rotation.from_rotvec(vectors).as_matrix() @ mirror
+    np.testing.assert_allclose(Rotation.from_rotvec(mirror_rotvecs(vectors)).as_matrix(), turned, atol=1e-12)

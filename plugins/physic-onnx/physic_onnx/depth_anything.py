@@ -217,7 +217,7 @@ class DepthAnythingRelative(OnnxBackend, RelativePointmap):
         self, hints: Hints, image: UInt8Array, matrix: FloatArray | None, seen: tuple[int, ...]
     ) -> tuple[Intrinsics, tuple[str, ...]]:
         """Return the known camera, else the network's, else a default; and notes."""
-        from physic_core.adapters.cameras import guessed_camera, known_camera
+        from physic_core.adapters.cameras import known_camera
 
         known = known_camera(hints, image)
         if known is not None:
@@ -227,6 +227,18 @@ class DepthAnythingRelative(OnnxBackend, RelativePointmap):
             own = _camera_of(matrix, seen).resized(width, height)
             return own, (f"focal length {own.fx:.0f} px from Depth Anything 3",)
         return guessed_camera(self.options.default_fov, image)
+
+
+def guessed_camera(fov_deg: float, image: UInt8Array) -> tuple[Intrinsics, tuple[str, ...]]:
+    """Return intrinsics for a field of view in degrees along the image's long side, and a note for the user."""
+    from physic_core.adapters.canonical_depth import focal_from_fov
+    from physic_core.types import CameraTrust, Intrinsics
+
+    height, width = image.shape[:2]
+    source = f"default (field of view {fov_deg:g} degrees along the long side)"
+    focal = focal_from_fov(fov_deg, max(height, width))
+    camera = Intrinsics.from_focal(focal, width, height, source, CameraTrust.GUESSED)
+    return camera, (f"focal length is a {source}",)
 
 
 def preprocess(image: UInt8Array, rows: int, columns: int, *, normalised: bool = True) -> FloatArray:

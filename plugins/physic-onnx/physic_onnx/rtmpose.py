@@ -18,7 +18,7 @@ from .contract import GraphSignature, PortSpec
 from .one_graph import WEIGHTS_HELP, OnnxBackend, OnnxBackendOptions
 
 if TYPE_CHECKING:
-    from physic_core.types import Keypoints, People, UInt8Array
+    from physic_core.types import FloatArray, Keypoints, People, UInt8Array
 
     from .sessions import Network
 
@@ -73,7 +73,7 @@ class RtmPose(OnnxBackend, KeypointDetector):
         """Return keypoints of N people. A joint's confidence is the lower one of its peaks in x and y."""
 
         from physic_core.adapters.crops import crop_around_box
-        from physic_core.adapters.heatmaps import scores_to_confidence, simcc_peaks
+        from physic_core.adapters.heatmaps import scores_to_confidence
         from physic_core.types import Keypoints
 
         from .top_down import SKELETON_BY_JOINTS, crop_batch, run_batches, size_or_default, skeleton_name
@@ -102,3 +102,18 @@ class RtmPose(OnnxBackend, KeypointDetector):
         bins, score = simcc_peaks(along_x, along_y, split)
         points = np.stack([crop.to_photo(own) for crop, own in zip(crops, bins, strict=True)])
         return Keypoints(points, scores_to_confidence(score, self.options.full_score), skeleton)
+
+
+def simcc_peaks(along_x: FloatArray, along_y: FloatArray, split: float = 2.0) -> tuple[FloatArray, FloatArray]:
+    """Decode keypoints of a network that classifies x and y separately (SimCC, arXiv:2107.03332).
+
+    Args:
+        along_x: (N, J, split * width).
+        along_y: (N, J, split * height).
+        split: bins per px of the network's input.
+
+    Returns:
+        Points (N, J, 2) in px of the network's input, and the lower of the two maxima (N, J).
+    """
+    points = np.stack([along_x.argmax(-1), along_y.argmax(-1)], -1) / split
+    return points, np.minimum(along_x.max(-1), along_y.max(-1)).astype(np.float64)

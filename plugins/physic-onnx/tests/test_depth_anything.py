@@ -20,6 +20,7 @@ from physic_onnx.depth_anything import (
     DepthAnythingMetricOptions,
     DepthAnythingRelative,
     DepthAnythingRelativeOptions,
+    guessed_camera,
     preprocess,
 )
 from physic_onnx.depth_anything_files import has_sigmoid
@@ -466,3 +467,12 @@ def test_metres_are_those_of_the_class_of_transformers(exported):
     assert np.ptp(own) > 0.1
     answer = metric(path, side=70).infer(image, Hints())
     np.testing.assert_allclose(answer.depth, own, rtol=1e-3)
+
+
+def test_a_guessed_focal_length_depends_on_the_long_side_and_is_marked():
+    photo = np.zeros((100, 200, 3), np.uint8)
+    for image in (photo, photo.swapaxes(0, 1)):
+        camera, (note,) = guessed_camera(90.0, image)
+        np.testing.assert_allclose([camera.fx, camera.fy], 100.0)
+        assert camera.guessed
+        assert note == "focal length is a default (field of view 90 degrees along the long side)"

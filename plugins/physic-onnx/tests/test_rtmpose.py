@@ -10,7 +10,7 @@ import pytest
 
 from physic_core.errors import BackendError
 from physic_core.interfaces import KeypointDetector
-from physic_onnx.rtmpose import RtmPose
+from physic_onnx.rtmpose import RtmPose, simcc_peaks
 from physic_testing import violations
 from physic_testing.conformance import check_backend
 
@@ -126,11 +126,18 @@ def test_lines_that_do_not_fit_the_input_are_refused(tmp_path: Path, graph: Any,
         backend.infer(blobs(PLACES), people(BOX))
 
 
+def test_simcc_bins_are_half_pixels_and_the_lower_maximum_counts() -> None:
+    along_x, along_y = np.zeros((1, 2, 384), np.float32), np.zeros((1, 2, 512), np.float32)
+    along_x[0, 0, 101], along_y[0, 0, 300] = 0.8, 0.6
+    along_x[0, 1, 383], along_y[0, 1, 0] = 0.3, 1.2
+    points, value = simcc_peaks(along_x, along_y)
+    assert points.tolist() == [[[50.5, 150.0], [191.5, 0.0]]]
+    assert np.allclose(value, [[0.6, 0.3]])
+
+
 def test_simcc_decodes_as_rtmlib_does() -> None:
     pytest.importorskip("rtmlib")
     from rtmlib.tools.pose_estimation.post_processings import get_simcc_maximum
-
-    from physic_core.adapters.heatmaps import simcc_peaks
 
     rng = np.random.default_rng(1)
     along_x, along_y = rng.random((2, 17, 384)), rng.random((2, 17, 512))
