@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Mapping
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, cast
 
 from pydantic import ValidationError
@@ -21,9 +22,9 @@ from physic_testing.conformance.cases import EVIDENCE, EVIDENCE_OF_HANDS, SIZE, 
 from physic_testing.conformance.contract import contract_violations
 from physic_testing.conformance.expect import CheckSkipped
 from physic_testing.conformance.field_comparison import changed_fields
-from physic_testing.conformance.manners import Watch
 from physic_testing.conformance.network_and_memory import no_network
 from physic_testing.conformance.requests import infer_arguments
+from physic_testing.conformance.watch import Watch
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -172,7 +173,8 @@ class BackendUnderTest:
             if lacking:
                 raise CheckSkipped(f"not ready: {'; '.join(lacking)}")
             try:
-                backend.load(self.device)
+                with self.watch.settings():
+                    backend.load(self.device)
             except PhysicError as error:
                 raise CheckSkipped(f"not ready: {error}") from error
             except Exception as error:
@@ -264,9 +266,14 @@ class BackendUnderTest:
         try:
             answer = self.infer(backend, case, given)
         except (Exception, SystemExit) as error:
-            return CaseRun(None, None, error, (), tuple(changed_fields(before, given)))
+            return CaseRun(None, None, error, (), self._changed(before, given))
         faults = tuple(contract_violations(self.interface, answer, case))
-        return CaseRun(deepcopy(answer), answer, None, faults, tuple(changed_fields(before, given)))
+        return CaseRun(deepcopy(answer), answer, None, faults, self._changed(before, given))
+
+    def _changed(self, before: tuple[Any, ...], given: tuple[Any, ...]) -> tuple[str, ...]:
+        """Return the paths of the arguments that changed, such as "image" or "people.masks"."""
+        names = [field.name for field in fields(INTERFACES[self.interface].Request)]
+        return tuple(re.sub(r"^\[(\d+)\]", lambda m: names[int(m[1])], path) for path in changed_fields(before, given))
 
 
 def find_backend(

@@ -138,6 +138,12 @@ def _explain(subject: BackendUnderTest, case: Case, answer: Any, own: Agreement,
         is_alike = other.photo.shape == case.photo.shape and is_comparable
         if other is not case and is_alike and agreement(interface, answer, other).share >= PROVEN:
             return f"It is the truth of the photo '{other.name}': is it kept from an earlier call, or by size?"
+    if interface == "contact_prior" and own.on_line >= PROVEN > own.share:
+        return f"{_contact_range(answer)}: is a sigmoid applied twice, or not at all, or are the values rescaled?"
+    if interface == "body_estimator" and own.share >= PROVEN:
+        return (
+            "The pose is right: is it the shape, the orientation, or the place, such as for the focal length of a crop?"
+        )
     if own.share >= PROVEN:
         return "A part is wrong and the rest is right: a limit that saturates, a border, rows or people left out?"
     if share >= PROVEN:
@@ -149,6 +155,12 @@ def _explain(subject: BackendUnderTest, case: Case, answer: Any, own: Agreement,
         factor = float(np.cov(own_values, true)[0, 1] / true.var(ddof=1))
         own = Agreement(own.share, own.on_line, factor, float(own_values.mean() - factor * true.mean()))
     return f"It is {_line_in_words(interface, own)} in the mean: a factor, a shift, another order, or resampling?"
+
+
+def _contact_range(answer: Any) -> str:
+    """Return the range of contact probabilities as text."""
+    likely = contact_on_embedded(answer).probability
+    return f"The order of the vertices is right, with values from {likely.min():.2g} to {likely.max():.2g}"
 
 
 def _explain_masks(answer: People, case: Case) -> str:

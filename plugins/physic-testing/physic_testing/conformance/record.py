@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from physic_core.discovery.readiness import is_installed
+from physic_core.discovery.requirements import modules_of_requirements
 from physic_core.weights.library import NON_COMMERCIAL, named_sets
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import CheckSkipped, expect
@@ -55,14 +58,35 @@ def check_record_states_the_licence_of_the_weights(subject: BackendUnderTest) ->
 
 
 def check_record_names_packages_that_it_uses(subject: BackendUnderTest) -> None:
-    """Each package of the record is installed, and imported after a call: users install no other."""
+    """The record and the distribution list the packages that the backend imports, and no other."""
     claim = _claim(subject)
     subject.result()
     packages = claim.record.packages
     absent = [package for package in packages if not is_installed(package)]
     expect(not absent, "packages that are installed", f"no package {', '.join(absent)}", "`packages` are import names.")
+    needed = _imported(subject.kind) - {subject.kind.__module__.partition(".")[0], *packages}
+    unlisted = sorted(needed - modules_of_requirements(claim.origin.distribution, needed))
+    expect(
+        not unlisted,
+        "the packages that the backend's module imports, in the record or in the requirements of its distribution",
+        f"{', '.join(unlisted)} in neither",
+        "Add them to `packages` of the record, or to `dependencies`.",
+    )
     unused = [package for package in packages if package not in sys.modules]
     expect(not unused, "packages that the backend imports", f"{', '.join(unused)} is not imported after calls")
+
+
+def _imported(kind: type) -> set[str]:
+    """Return the top-level packages, other than those of Python and PhySIC, that a class's module imports anywhere."""
+    module = sys.modules.get(kind.__module__)
+    path = Path(getattr(module, "__file__", None) or "")
+    if path.suffix != ".py":
+        return set()
+    nodes = list(ast.walk(ast.parse(path.read_bytes())))
+    names = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
+    names |= {node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.module and not node.level}
+    own = {"physic_core", "physic_testing", *sys.stdlib_module_names}
+    return {name.partition(".")[0] for name in names} - own
 
 
 def _claim(subject: BackendUnderTest) -> BackendOffer:

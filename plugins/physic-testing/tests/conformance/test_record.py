@@ -62,6 +62,26 @@ def test_a_record_that_says_something_else_is_caught(check: str, record: dict[st
     assert words in found.got
 
 
+def test_a_package_that_neither_record_nor_distribution_lists_is_caught(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    (tmp_path / "own_depth.py").write_text(
+        "from physic_mock.backends import MockMetricDepth\n\n\nclass Own(MockMetricDepth):\n"
+        "    def load(self, device='cpu'):\n        import pytest\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    origin = Origin("physic-own", "1.0")
+    registry = Registry(installed=False)
+    for name, packages in (("silent", ()), ("open", ("pytest", "physic_mock"))):
+        record = BackendRecord("metric_depth", name, "own_depth:Own", api=1, packages=packages)
+        registry.register(record, origin)
+    silent, open_ = (
+        start_checks(find_backend(name, "metric_depth", registry)).result(PACKAGES) for name in ("silent", "open")
+    )
+    assert (silent.outcome, silent.got) == ("warned", "physic_mock, pytest in neither")
+    assert open_.outcome == "passed"
+
+
 @pytest.mark.parametrize(
     ("check", "record"),
     [

@@ -1,0 +1,108 @@
+"""Record of what calls of a backend change in the process: seeds, threads, switches, files, printed text, memory."""
+
+from __future__ import annotations
+
+import os
+import random
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
+from typing import Any, TextIO
+
+import numpy as np
+
+from physic_testing.conformance.field_comparison import named_values
+from physic_testing.conformance.network_and_memory import resident_megabytes
+
+
+class Watch:
+    """Record of what the watched calls changed in the process.
+
+    Attributes:
+        changed: settings of the process -> their change, in words.
+        files: names that appeared in the current folder.
+        printed: text that was written to the standard output.
+        growth: memory that each call took beyond its result, MB.
+        seconds: CPU time of each call, s.
+        kept_mb: arrays that the backend held after ``close``, MB; None if it was not measured.
+        after_one_call: bytes of each array that another instance held after its first call; None as before.
+    """
+
+    def __init__(self) -> None:
+        self.changed: dict[str, str] = {}
+        self.files: set[str] = set()
+        self.printed = ""
+        self.growth: list[float] = []
+        self.seconds: list[float] = []
+        self.kept_mb: float | None = None
+        self.after_one_call: dict[int, int] | None = None
+
+    @contextmanager
+    def settings(self) -> Iterator[None]:
+        """Watch the settings of the process."""
+        before = _settings()
+        try:
+            yield
+        finally:
+            for name, value in _settings().items():
+                if name in before and before[name] != value:
+                    self.changed.setdefault(name, f"{before[name]} -> {value}")
+
+    @contextmanager
+    def call(self) -> Iterator[list[Any]]:
+        """Watch a call of ``infer``; append its result to the yielded list."""
+        results: list[Any] = []
+        names, memory = _names(), resident_megabytes()
+        output, start = _Copied(sys.stdout), time.process_time()
+        try:
+            with redirect_stdout(output), self.settings():
+                yield results
+        finally:
+            self.seconds.append(time.process_time() - start)
+            held = sum(v.nbytes for r in results for _, v in named_values(r) if isinstance(v, np.ndarray)) / 1e6
+            self.growth.append(resident_megabytes() - memory - held)
+            self.printed += output.text
+            self.files |= _names() - names
+
+
+class _Copied:
+    """A stream that keeps a copy of the text."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream, self.text = stream, ""
+
+    def write(self, text: str) -> int:
+        self.text += text
+        return self._stream.write(text)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+def _settings() -> dict[str, Any]:
+    """Return the settings of the process that a call must not change; those of packages that are imported."""
+    found: dict[str, Any] = {
+        "random": hash(random.getstate()),
+        "numpy.random": hash(_numpy_state()),
+        "the current folder": os.getcwd(),
+    }
+    torch, cv2 = sys.modules.get("torch"), sys.modules.get("cv2")
+    if torch is not None:
+        found["torch's generator"] = hash(torch.get_rng_state().numpy().tobytes())
+        found["torch's threads"] = torch.get_num_threads()
+        found["torch's gradient mode"] = torch.is_grad_enabled()
+        found["torch's default dtype"] = torch.get_default_dtype()
+    if cv2 is not None:
+        found["OpenCV's threads"] = cv2.getNumThreads()
+    return found
+
+
+def _numpy_state() -> bytes:
+    """Return the state of numpy's global generator."""
+    state: Any = np.random.get_state(legacy=False)["state"]
+    return bytes(state["key"].tobytes() + state["pos"].to_bytes(4, "little"))
+
+
+def _names() -> set[str]:
+    return set(os.listdir())
