@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from physic_scene.bundle import Bundle, BundleSettings, Observations, adjust, uncertainties
+from physic_scene.cameras import keypoint_errors
 from physic_scene.elsewhere import likeliest_elsewhere
 from physic_scene.rigid import Pose, angle_deg, fit_rotation, mean_rotation
 
@@ -123,6 +124,14 @@ def test_the_reference_camera_stays_and_others_have_an_uncertainty(moment):
     first, *others = uncertainties(seen, found, 0)
     assert first.rotation < np.radians(0.1)
     assert all(0 < other.rotation < np.radians(5) and 0 < other.position_m < 0.5 for other in others)
+
+
+def test_points_that_a_solver_does_not_know_have_no_error(moment):
+    points, poses = moment
+    seen = observations(points, poses, np.random.default_rng(0))
+    solved = replace(Bundle.start(seen, poses), points=points.copy())
+    solved.points[:, 0] = np.nan
+    assert keypoint_errors(seen, solved).max() < 1e-9
 
 
 def test_the_mean_rotation_ignores_one_of_three():
