@@ -424,11 +424,10 @@ class TestRealNetwork:
             return np.asarray(opened.convert("RGB"))
 
     def test_disparity_is_that_of_the_embedded_backend(self, photo):
-        import onnxruntime
-
+        from physic_core.adapters.onnx_sessions import open_session
         from physic_embedded.networks.depth_anything import predict_disparity
 
-        session = onnxruntime.InferenceSession(str(_packaged()), providers=["CPUExecutionProvider"])
+        session = open_session(_packaged(), threads=0, device="cpu", broken="")
         own = predict_disparity(session, photo, short_side=266)
         answer = relative(str(_packaged()), side=266).infer(photo, Hints())
         own = at(own.astype(float), *photo.shape[:2])
