@@ -26,7 +26,7 @@ from physic_core.files.atomic import atomic_write
 from physic_core.io.results import load_reconstruction
 from physic_core.io.saved_files import Saving
 from physic_core.io.saving import save_reconstruction
-from physic_core.types import Reconstruction
+from physic_core.types import CameraView, Reconstruction
 from physic_scene.output import save_scene
 from physic_scene.types import SceneResult
 
@@ -66,6 +66,8 @@ def save_people(folder: Path, result: Reconstruction) -> None:
 
 def save_moment(folder: Path, result: Reconstruction) -> None:
     points, colors = np.full((4, 3), float(mark(result)), np.float32), np.zeros((4, 3), np.uint8)
+    camera = CameraView("photo.jpg", result.image, result.intrinsics, np.eye(3), np.zeros(3), 0.0, 0.0, {})
+    result = replace(result, cameras=(camera,))
     moment = SceneResult(result, 0, (), (), (), points, colors, (), {"seed": mark(result)})
     save_scene(moment, str(folder), overwrite=True, page=f"page of {mark(result)}")
 
