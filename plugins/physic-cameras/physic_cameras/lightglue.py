@@ -148,7 +148,7 @@ class LightGlueCameras(CameraSolver):
 
 
 def _background(features: Features, view: MomentView, margin: int) -> Features:
-    """Return the features that lie on nobody."""
+    """Return the features that lie on no person."""
     people = view.people.masks.any(axis=0).astype(np.uint8)
     near = cv2.dilate(people, np.ones((2 * margin + 1, 2 * margin + 1), np.uint8))
     columns, rows = features.pixels.round().astype(int).T

@@ -75,7 +75,7 @@ def link(
     settings: PairSettings,
     who: PeopleSettings,
 ) -> Link | None:
-    """Return the motion between two cameras, or None if the photos have too few matches, or nobody in common.
+    """Return the motion between two cameras, or None if the photos have too few matches, or no person in common.
 
     The essential matrix is found by MAGSAC++; the length of the translation follows from the sizes of the people of
     both photos.

@@ -144,7 +144,7 @@ def solved(
         rows = matched.rows
         kept = np.flatnonzero((rows >= 0).any(0)).tolist()
         if not kept:
-            raise InputError(_nobody(photos, skipped))
+            raise InputError(_no_shared_person(photos, skipped))
         if len(kept) < len(photos):
             why = "no person in it is where another photo shows one"
             lost = [photo for v, photo in enumerate(photos) if v not in kept]
@@ -186,7 +186,7 @@ def solved(
     )
 
 
-def _nobody(photos: Sequence[Photo], skipped: Sequence[SkippedPhoto]) -> str:
+def _no_shared_person(photos: Sequence[Photo], skipped: Sequence[SkippedPhoto]) -> str:
     names = [photo.view.name for photo in photos]
     rest = "".join(f"; {one.message}" for one in skipped)
     return (

@@ -153,14 +153,14 @@ def test_a_photo_without_people_is_skipped(solve: Any) -> None:
     views = build_moment(build_case("several people"))
     people, keypoints, bodies = views[1].people, views[1].keypoints, views[1].bodies
     parameters = type(bodies.parameters)(**{key: value[:0] for key, value in vars(bodies.parameters).items()})
-    nobody = replace(
+    empty = replace(
         views[1],
         people=replace(people, masks=people.masks[:0], boxes=people.boxes[:0], scores=people.scores[:0]),
         keypoints=replace(keypoints, points=keypoints.points[:0], confidence=keypoints.confidence[:0]),
         bodies=replace(bodies, parameters=parameters, joints=bodies.joints[:0]),
         statures=views[1].statures[:0],
     )
-    found = solve((views[0], nobody, views[2]))
+    found = solve((views[0], empty, views[2]))
     assert [(one.index, one.reason) for one in found.skipped] == [(1, "no people")]
 
 
@@ -170,7 +170,7 @@ def test_photos_of_two_rooms_are_an_error() -> None:
         by_matches(tuple(views))
 
 
-def test_poses_at_which_nobody_meets_are_an_error() -> None:
+def test_poses_without_a_shared_person_are_an_error() -> None:
     views = build_moment(build_case("several people"))
     with pytest.raises(InputError, match=r"no person of .* is where another of these photos shows one"):
         by_poses(views[:2], turn_deg=60)

@@ -52,7 +52,7 @@ def rig_unit(photos: Sequence[PhotoPeople], most_off: float) -> float | None:
         most_off: largest median distance of keypoints that agree, as a share of the stature in px.
 
     Returns:
-        The median over people, or None if nobody is in two photos of known pose.
+        The median over people, or None if no person is in two photos of known pose.
     """
     found = []
     for one, two in itertools.combinations([photo for photo in photos if photo.pose is not None], 2):

@@ -58,7 +58,7 @@ def expect_no_bias(
 
     Args:
         values: error of each unit; NaN where there is none.
-        limit: largest mean that is taken for none.
+        limit: largest mean that is treated as zero.
         expected: what the contract requires.
         unit: of the values.
         hint: likely cause.
@@ -95,7 +95,7 @@ def expect_no_better(
     Args:
         own: error of each unit (K,) as the output is.
         others: words for the other reading -> error of each unit (K,).
-        negligible: error that is taken for none.
+        negligible: error that is treated as zero.
         expected: what the contract requires, with the unit of the errors.
         hints: words for the other reading -> likely cause.
         clearly: mean above which the other reading is clearly closer.
@@ -140,7 +140,7 @@ def expect_order(apart: FloatArray, names: Sequence[str], negligible: float, exp
     Args:
         apart: (K, J, J) distance of the output's row j from the truth's row k in each unit; NaN where unknown.
         names: of the J rows.
-        negligible: distance that is taken for none.
+        negligible: distance that is treated as zero.
         expected: what the contract requires.
         hint: likely cause.
 

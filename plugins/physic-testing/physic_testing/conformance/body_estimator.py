@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 MAX_FACTOR = 3.0
 MIN_INSIDE, MARGIN = 0.6, 0.25
 MAX_ACROSS_M, MAX_DISTANCE, MAX_TURN_DEG = 0.05, 1.2, 6.0
-"""Mean error across the line of sight, factor on the distance and mean rotation that are taken for none."""
+"""Mean error across the line of sight, factor on the distance and mean rotation that are treated as zero."""
 
 MUCH_CLEARER = 0.6
 """As of ``expect_no_better``: another order leaves a quarter of the wrong joints."""

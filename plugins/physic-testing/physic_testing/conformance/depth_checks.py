@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from physic_testing.conformance.cases import Case
 
 MAX_SHIFT_PX, MAX_CENTRE_PX, MAX_ASPECT, MAX_FOCAL = 0.5, 0.3, 2.0, 30.0
-"""Mean shift of edges, and mean errors of principal point, fx / fy and focal length in %, that are taken for none."""
+"""Mean shift of edges, and mean errors of principal point, fx / fy and focal length in %, that are treated as zero."""
 
 MIN_COVERAGE = 0.3
 """Minimum share of pixels with known depth."""

@@ -59,7 +59,7 @@ EXACT_BORDER = 0.98
 """Share of a mask's border that is the truth pixel by pixel; shipped networks have at most 0.7."""
 
 MAX_FACTOR = 0.02
-"""Deviation of the common factor from 1 that is taken for none."""
+"""Deviation of the common factor from 1 that is treated as zero."""
 
 FACTORS = (0.3, 3.0)
 """Factors of a line that can prove anything: a constant lies on one of factor 0."""

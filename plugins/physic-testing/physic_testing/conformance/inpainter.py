@@ -22,7 +22,7 @@ _VISIBLE_CHANGE = 8  # grey levels by which a pixel visibly differs
 _MIN_PIXELS = 20
 
 MAX_SHIFT_PX, MAX_GAIN = 0.5, 5.0
-"""Mean shift, and mean error of the brightness in %, that are taken for none."""
+"""Mean shift, and mean error of the brightness in %, that are treated as zero."""
 
 _READINGS: dict[str, Callable[[FloatArray], FloatArray]] = {
     "of red and blue exchanged": lambda image: image[..., ::-1],

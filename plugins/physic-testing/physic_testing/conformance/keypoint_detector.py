@@ -24,7 +24,7 @@ MAX_ERROR = 0.25
 """Maximum median error as a share of the larger side of the person's box."""
 
 MAX_SHIFT_PX, MAX_SCALE = 0.3, 0.03
-"""Mean shift and mean relative error of scale that are taken for none."""
+"""Mean shift and mean relative error of scale that are treated as zero."""
 
 MAX_CONFIDENCE = 0.01
 """Mean confidence by which hidden joints may be surer."""

@@ -18,7 +18,7 @@ CALLS = 20
 """Calls with one photo, over which memory is measured."""
 
 MAX_LEAK_MB = 0.3
-"""Growth of the memory per call that is taken for none: allocators keep some of what is freed."""
+"""Growth of the memory per call that is treated as zero: allocators keep some of what is freed."""
 
 MAX_LEAK_SECONDS = 0.5
 """CPU time for these calls, s. Slower backends are called again only if the memory grew in the calls before."""

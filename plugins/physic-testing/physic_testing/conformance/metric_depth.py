@@ -30,7 +30,7 @@ MAX_SIGMA = 1.5
 _RESCALED = "Is the depth of a network for one focal length rescaled to the focal length of the photo, once?"
 
 MAX_SCALE = 1.2
-"""Factor on all depths that is taken for none."""
+"""Factor on all depths that is treated as zero."""
 
 ALMOST_ALL = 0.9
 """Depth of networks has errors that an offset explains in part; this is an offset that leaves a twentieth of them."""

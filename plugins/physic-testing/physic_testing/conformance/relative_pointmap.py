@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from physic_testing.conformance.cases import Case
 
 MAX_OFFSET_PX, MAX_STRETCH = 0.25, 0.006
-"""Mean offset of the pixel centres, px, and mean relative error of the rays' spread, that are taken for none."""
+"""Mean offset of the pixel centres, px, and mean relative error of the rays' spread, that are treated as zero."""
 
 MUCH = 0.43
 """As of ``expect_no_better``: another ambiguity leaves less than two fifths of the error."""

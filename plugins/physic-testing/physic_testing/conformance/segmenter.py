@@ -32,7 +32,7 @@ _READINGS: dict[str, Callable[[BoolArray], BoolArray]] = {
 }
 
 MAX_SHIFT_PX, MAX_REACH_PX = 0.5, 5.0
-"""Mean shift of masks, and mean excess of masks and boxes on each side, that are taken for none."""
+"""Mean shift of masks, and mean excess of masks and boxes on each side, that are treated as zero."""
 
 
 def check_masks_lie_on_people(subject: BackendUnderTest) -> None:
