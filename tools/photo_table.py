@@ -16,7 +16,8 @@ import time
 import traceback
 from pathlib import Path
 
-from physic_bench.worlds.consistency import consistency, summarise
+from consistency import consistency, summarise
+
 from physic_core.body import load_body
 from physic_core.errors import PhysicError
 from physic_core.pipeline.run import reconstruct

@@ -31,7 +31,7 @@ from .sets import Sample, camera_of, picture_of
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_bench.worlds.estimator_errors import PhotoTruth
+    from benchmarks.truth.estimator_errors import PhotoTruth
     from physic_core.pipeline.estimate import Estimates
 
     Array = NDArray[np.float64]
@@ -54,7 +54,7 @@ def main() -> int:
     parser.add_argument("--noise-version", default="4", help="of the mocks")
     parser.add_argument("--seed", type=int, default=0, help="draws the worlds")
     given = parser.parse_args()
-    from physic_bench.worlds.estimator_statistics import statistics_of, text_of
+    from benchmarks.truth.estimator_statistics import statistics_of, text_of
 
     if given.worlds:
         records, name = world_records(given.worlds, given.seed, given.noise_version, given.settings), "worlds"
@@ -71,7 +71,7 @@ def main() -> int:
 
 def photo_records(samples: Sequence[Sample], given: argparse.Namespace) -> dict[str, list[dict[str, Any]]]:
     """The records of all photos whose estimators gave a result, by kind."""
-    from physic_bench.worlds.estimator_errors import estimator_records
+    from benchmarks.truth.estimator_errors import estimator_records
     from physic_core.body import load_body
     from physic_core.errors import PhysicError
 
@@ -154,7 +154,7 @@ def with_truth(found: Sequence[tuple[Sample, Estimates]]) -> Iterator[tuple[Samp
 
 def single_truth(sample: Sample, estimates: Estimates) -> PhotoTruth:
     """Of mpi_inf_3dhp: joints, and floor where it is known. What is hidden is not known."""
-    from physic_bench.worlds.estimator_errors import PhotoTruth, box_of
+    from benchmarks.truth.estimator_errors import PhotoTruth, box_of
 
     joints = limb_joints(sample.truth["joints"], 3)
     points = joints @ np.array(sample.truth["K"]).T
@@ -174,7 +174,7 @@ def single_truth(sample: Sample, estimates: Estimates) -> PhotoTruth:
 
 def annotated_truth(sample: Sample, estimates: Estimates) -> PhotoTruth:
     """Of people2d: keypoints with what is hidden, and boxes; some photos show more people than are annotated."""
-    from physic_bench.worlds.estimator_errors import PhotoTruth
+    from benchmarks.truth.estimator_errors import PhotoTruth
 
     everybody = sample.truth["people"]
     height, width = picture_of(sample).shape[:2]
@@ -193,7 +193,7 @@ def annotated_truth(sample: Sample, estimates: Estimates) -> PhotoTruth:
 
 def parkour_truth(sample: Sample, estimates: Estimates) -> PhotoTruth:
     """Of parkour: joints of one person in a frame of their own, and which limbs touch. The largest person is theirs."""
-    from physic_bench.worlds.estimator_errors import PhotoTruth, limb_points
+    from benchmarks.truth.estimator_errors import PhotoTruth, limb_points
 
     areas = [(b[2] - b[0]) * (b[3] - b[1]) for b in np.asarray(estimates.people.boxes, np.float64)]
     own = int(np.argmax(areas))
@@ -216,7 +216,7 @@ def parkour_truth(sample: Sample, estimates: Estimates) -> PhotoTruth:
 
 def moment_truth(views: Sequence[tuple[Sample, Estimates]]) -> Iterator[tuple[Sample, Estimates, PhotoTruth]]:
     """Of several cameras: joints that the other views of the moment triangulate, and the calibrated floor."""
-    from physic_bench.worlds.estimator_errors import PhotoTruth, box_of, limb_points
+    from benchmarks.truth.estimator_errors import PhotoTruth, box_of, limb_points
 
     cameras = [camera_of(sample) for sample, _ in views]
     detections = []
@@ -271,7 +271,7 @@ def resized(points: Array, size: tuple[int, int], estimates: Estimates) -> Array
 
 def world_records(count: int, seed: int, version: str, settings: Sequence[str]) -> dict[str, list[Mapping[str, Any]]]:
     """The records of the mocks on worlds, by kind; the camera is given, as for the photos."""
-    from physic_bench.worlds.estimator_errors import estimator_records, world_truth
+    from benchmarks.truth.estimator_errors import estimator_records, world_truth
     from physic_core import load_config
     from physic_core.body import load_body
     from physic_core.configuration.resolve import resolve

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 import torch
 
-from physic_bench.worlds.consistency import (
-    consistency,
-    lowest_height,
-    summarise,
-)
 from physic_core.body import load_body
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.body.posture import lean_deg
 from physic_core.types import BodyParameters, Intrinsics, Person, Plane, Reconstruction, Scene
+from tools.consistency import (
+    consistency,
+    lowest_height,
+    summarise,
+)
 
 CAMERA = Intrinsics.from_focal(600.0, 640, 480)
 FLOOR = Plane(np.array([0.0, -1.0, 0.0]), 1.5)  # the camera is level, 1.5 m up

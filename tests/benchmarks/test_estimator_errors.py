@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from physic_bench.worlds.estimator_errors import estimator_records, world_truth
-from physic_bench.worlds.estimator_statistics import STATISTICS, statistics_of, text_of
+from benchmarks.truth.estimator_errors import estimator_records, world_truth
+from benchmarks.truth.estimator_statistics import STATISTICS, statistics_of, text_of
 from physic_core import load_config
 from physic_core.body import load_body
 from physic_core.configuration.resolve import resolve

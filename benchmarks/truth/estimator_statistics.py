@@ -1,4 +1,4 @@
-"""Statistics of the records of :mod:`physic_bench.worlds.estimator_errors`, with intervals, as one table."""
+"""Statistics of the records of :mod:`benchmarks.truth.estimator_errors`, with intervals, as one table."""
 
 from __future__ import annotations
 
