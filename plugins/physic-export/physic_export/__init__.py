@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from physic_core import CommandRecord, ExporterRecord, hookimpl
+from physic_core import ExporterRecord, hookimpl
 
 __all__: list[str] = []
 
@@ -68,7 +68,7 @@ def physic_exporters() -> list[ExporterRecord]:
             ups=("z",),
             stem="mujoco",
             needs="a floor in the result",
-            options={"rigid": (False, True), "balance": (False, True)},
+            options={"rigid": (False, True)},
         ),
         ExporterRecord(
             "obj",
@@ -101,7 +101,6 @@ def physic_exporters() -> list[ExporterRecord]:
             bodies="required",
             per_person=True,
             needs="a floor in the result",
-            options={"balance": (False, True)},
         ),
         ExporterRecord(
             "usd",
@@ -117,9 +116,3 @@ def physic_exporters() -> list[ExporterRecord]:
             options=_NAMES | _SKIN | {"texture_size": _TEXTURES["texture_size"]},
         ),
     ]
-
-
-@hookimpl
-def physic_commands() -> list[CommandRecord]:
-    """Return the record of ``physic simulate``."""
-    return [CommandRecord("simulate", "physic_export.simulate_command:simulate", summary="Let people stand in MuJoCo.")]
