@@ -99,7 +99,7 @@ pictures: $(VENV)/test.stamp
 # of its own, which has nothing of PhySIC. RESULT is the folder of a result of examples/couple.jpg; without it, one is made.
 export-pictures: $(VENV)/test.stamp
 	$(BIN)/uv venv --quiet --clear --python 3.11 .venv-bpy
-	$(BIN)/uv pip install --python .venv-bpy/bin/python bpy==5.0.1 matplotlib mujoco pillow pycocotools
+	$(BIN)/uv pip install --python .venv-bpy/bin/python bpy==5.0.1 mujoco pillow
 	.venv-bpy/bin/python tools/export_pictures.py $(RESULT)
 
 lint: $(VENV)/test.stamp

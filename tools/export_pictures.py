@@ -5,7 +5,7 @@
 
 RESULT is the folder of a result; without it, ``examples/couple.jpg`` is reconstructed. The ``physic`` command of
 ``.venv`` writes the files. What draws them did not write them and imports nothing of PhySIC: Blender (``bpy``) with
-Cycles on the processor, MuJoCo, and matplotlib with ``pycocotools``. MuJoCo
+Cycles on the processor, and MuJoCo, which
 needs EGL or OSMesa (``MUJOCO_GL``).
 """
 
@@ -15,23 +15,15 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 os.environ.setdefault("MUJOCO_GL", "egl")
 
 import bpy
-import matplotlib
 import mujoco
 import numpy as np
 from mathutils import Vector
 from PIL import Image
-from pycocotools.coco import COCO
-
-matplotlib.use("agg")
-
-from matplotlib import pyplot
 
 ROOT = Path(__file__).resolve().parents[1]
 Point = tuple[float, float, float]
@@ -165,41 +157,6 @@ def draw_mjcf(files: list[Path]) -> None:
         save("mjcf", Image.fromarray(renderer.render()))
 
 
-def plot(name: str, image: Path, draw: Callable[[Any], None], window: tuple[float, float, float, float]) -> None:
-    """Plot over the part (left, top, right, bottom) of an image, px."""
-    left, top, right, bottom = window
-    figure = pyplot.figure(figsize=(WIDTH / 100, HEIGHT / 100), dpi=100)
-    axes = figure.add_axes((0, 0, 1, 1))
-    axes.imshow(Image.open(image).convert("L"), cmap="gray", vmin=0, vmax=255)
-    draw(axes)
-    axes.set(xlim=(left, right), ylim=(bottom, top))
-    axes.axis("off")
-    figure.canvas.draw()
-    save(name, Image.fromarray(np.asarray(figure.canvas.buffer_rgba())))
-    pyplot.close(figure)
-
-
-def window_of(low: Any, high: Any, margin: float) -> tuple[float, float, float, float]:
-    """The part of an image around a box, in the proportions of the pictures."""
-    middle, half = np.add(low, high) / 2, np.subtract(high, low) / 2 + margin
-    half = np.max(half / (WIDTH, HEIGHT)) * np.array((WIDTH, HEIGHT))
-    return (*(middle - half), *(middle + half))
-
-
-def draw_coco(files: list[Path]) -> None:
-    labels = COCO(str(files[0]))
-    found = labels.loadAnns(labels.getAnnIds())
-    boxes = np.array([one["bbox"] for one in found])
-    np.random.seed(0)  # pycocotools takes its colours from here
-
-    def draw(axes: Any) -> None:
-        pyplot.sca(axes)
-        labels.showAnns(found, draw_bbox=True)
-
-    window = window_of(boxes[:, :2].min(0), (boxes[:, :2] + boxes[:, 2:]).max(0), 20)
-    plot("coco", files[0].parent / labels.loadImgs(found[0]["image_id"])[0]["file_name"], draw, window)
-
-
 DRAWN = {
     "glb": draw_glb,
     "bvh": draw_bvh,
@@ -207,7 +164,6 @@ DRAWN = {
     "obj": draw_obj,
     "usd": draw_usd,
     "mjcf": draw_mjcf,
-    "coco": draw_coco,
 }
 
 

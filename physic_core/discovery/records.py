@@ -86,8 +86,7 @@ class ExporterRecord:
         ups: up axes that it can be written with ("y", "z", "camera"), the default first. The axes are described in
             docs/exports.md.
         stem: file name without suffix, if no path is given; empty for ``name``.
-        bodies: which people it writes: "any" without a body too, "optional" only those with a body, "required" the
-            same, and at least one.
+        bodies: "required" for a format that needs at least one person with a body.
         per_person: whether each person is a file of their own.
         needs: what the user must have, or empty.
         packages: import names of required packages, such as those of an extra.
@@ -102,7 +101,7 @@ class ExporterRecord:
     content: str = ""
     ups: tuple[str, ...] = ("y",)
     stem: str = ""
-    bodies: Literal["any", "optional", "required"] = "optional"
+    bodies: Literal["optional", "required"] = "optional"
     per_person: bool = False
     needs: str = ""
     packages: tuple[str, ...] = ()
@@ -112,9 +111,9 @@ class ExporterRecord:
     def __post_init__(self) -> None:
         if not self.suffixes or isinstance(self.suffixes, str) or not all(s.startswith(".") for s in self.suffixes):
             raise ValueError(f"suffixes of the exporter {self.name!r} should be like ('.fbx',), got {self.suffixes!r}")
-        if self.bodies not in ("any", "optional", "required"):
+        if self.bodies not in ("optional", "required"):
             raise ValueError(
-                f"bodies of the exporter {self.name!r} should be 'any', 'optional' or 'required', got {self.bodies!r}"
+                f"bodies of the exporter {self.name!r} should be 'optional' or 'required', got {self.bodies!r}"
             )
         if not self.ups or isinstance(self.ups, str) or set(self.ups) - {"y", "z", "camera"}:
             raise ValueError(f"ups of the exporter {self.name!r} should be of 'y', 'z' and 'camera', got {self.ups!r}")

@@ -106,7 +106,7 @@ def test_a_format_that_two_plugins_offer_is_refused(plugin: Any):
     [
         ("'bad', '.bad', 'm:f'", "suffixes of the exporter 'bad' should be like ('.fbx',), got '.bad'"),
         ("'bad', ('.bad',), 'm:f', ups=('x',)", "ups of the exporter 'bad' should be of 'y', 'z' and 'camera', got"),
-        ("'bad', ('.bad',), 'm:f', bodies=True", "bodies of the exporter 'bad' should be 'any'"),
+        ("'bad', ('.bad',), 'm:f', bodies=True", "bodies of the exporter 'bad' should be 'optional'"),
     ],
 )
 def test_a_plugin_with_a_wrong_record_is_a_broken_plugin(plugin: Any, arguments: str, message: str):
@@ -134,7 +134,7 @@ def test_without_plugins_the_core_writes_glb(monkeypatch: pytest.MonkeyPatch, sa
     monkeypatch.setenv("PHYSIC_PLUGINS", "")
     *rows, rest = physic("export", "--list").output.splitlines()
     assert [row.split()[0] for row in rows] == ["format", "glb"]
-    assert "amass, bvh, coco, mjcf, obj, ply, urdf, usd: in physic-export, which is not installed" in rest
+    assert "amass, bvh, mjcf, obj, ply, urdf, usd: in physic-export, which is not installed" in rest
     assert physic("export", saved_pair, "-o", tmp_path / "a.glb").exit_code == 0
     assert (tmp_path / "a.glb").read_bytes() == (saved_pair / "combined.glb").read_bytes()
 

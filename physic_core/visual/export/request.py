@@ -66,7 +66,7 @@ class ExportRequest:
 
     Attributes:
         result: the reconstruction.
-        people: indices of the people to write; each has a finite body, unless ``bodies`` of the record is "any".
+        people: indices of the people to write; each has a finite body.
         frame: of the file.
         stem: file name without suffix.
         suffix: of the file, with its dot.

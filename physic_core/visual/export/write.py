@@ -128,13 +128,11 @@ def _people(
         if not 0 <= index < count:
             there = f"people are numbered 0 to {count - 1}" if count else "nobody is in this result"
             raise InputError(f"there is no person {index}: {there}")
-        if person is not None and index in bodiless and kind.bodies != "any":
+        if person is not None and index in bodiless:
             raise InputError(
                 f"person {index} has no body, only a box and keypoints: the body estimator returned no finite values "
-                "for them; export them with --to coco, or choose another person"
+                "for them; choose another person"
             )
-    if kind.bodies == "any":
-        return tuple(wanted), ()
     kept = tuple(index for index in wanted if index not in bodiless)
     if kind.bodies == "required" and not kept:
         why = "nobody in this result has a body" if count else "nobody is in this result"

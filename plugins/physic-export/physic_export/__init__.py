@@ -1,4 +1,4 @@
-"""Formats of ``physic export`` for other programs: AMASS, BVH, COCO, GLB, MJCF, OBJ, PLY, URDF and USD."""
+"""Formats of ``physic export`` for other programs: AMASS, BVH, GLB, MJCF, OBJ, PLY, URDF and USD."""
 
 from __future__ import annotations
 
@@ -40,15 +40,6 @@ def physic_exporters() -> list[ExporterRecord]:
             bodies="required",
             per_person=True,
             options={"names": ("mixamo", "smplx", "unreal", "unity")},
-        ),
-        ExporterRecord(
-            "coco",
-            (".json",),
-            "physic_export.coco:export_coco",
-            "labelling and evaluation tools",
-            "boxes, masks, 17 keypoints, and the image",
-            ups=("camera",),
-            bodies="any",
         ),
         ExporterRecord(
             "glb",

@@ -19,7 +19,7 @@ from physic_core.discovery.catalog import EXPORTERS
 from physic_core.errors import InputError, OutputError
 from physic_export import physic_exporters
 
-NAMES = "amass, bvh, coco, glb, mjcf, obj, ply, urdf, usd"
+NAMES = "amass, bvh, glb, mjcf, obj, ply, urdf, usd"
 
 
 def physic(*arguments: object) -> Result:
@@ -51,7 +51,7 @@ def test_the_catalog_lists_the_formats():
 @pytest.mark.parametrize(
     ("suffix", "name"),
     [
-        *((".npz", "amass"), (".bvh", "bvh"), (".json", "coco"), (".glb", "glb"), (".xml", "mjcf"), (".PLY", "ply")),
+        *((".npz", "amass"), (".bvh", "bvh"), (".glb", "glb"), (".xml", "mjcf"), (".PLY", "ply")),
         (".usdz", "usd"),
     ],
 )
@@ -151,7 +151,7 @@ def test_a_file_is_replaced_only_where_that_is_wanted(export, tmp_path: Path):
 
 @pytest.mark.parametrize("kind", ["photo", "link"])
 def test_the_photo_and_links_are_never_replaced(result: Reconstruction, tmp_path: Path, kind: str):
-    there = tmp_path / "a.png"  # which an export to a.json writes too
+    there = tmp_path / "a_scene.png"  # which an export to a.xml writes too
     if kind == "photo":
         there.write_bytes(b"mine")
     else:
@@ -159,9 +159,9 @@ def test_the_photo_and_links_are_never_replaced(result: Reconstruction, tmp_path
         there.symlink_to(tmp_path / "mine")
     photo = f"sha256:{hashlib.sha256(b'mine').hexdigest()}"
     with pytest.raises(OutputError, match="it is the photo, or a link"):
-        replace(result, photo=photo).export(tmp_path / "a.json", overwrite=True)
+        replace(result, photo=photo).export(tmp_path / "a.xml", overwrite=True)
     assert there.read_bytes() == b"mine"
-    assert not (tmp_path / "a.json").exists()
+    assert not (tmp_path / "a.xml").exists()
 
 
 def test_a_suffix_of_another_format_is_refused(export, tmp_path: Path):
@@ -170,11 +170,11 @@ def test_a_suffix_of_another_format_is_refused(export, tmp_path: Path):
 
 
 def test_the_command_writes_into_the_result_and_prints_the_files(saved_pair: Path):
-    done = physic("export", saved_pair, "--to", "coco", "--person", 1)
+    done = physic("export", saved_pair, "--to", "mjcf", "--person", 1)
     assert done.exit_code == 0, done.output
-    names = [Path(line.split("  (")[0]).name for line in done.output.splitlines()]
-    assert names == ["coco.json", "coco.png"]
-    again = physic("export", saved_pair, "--to", "coco", "--person", 1)
+    names = [Path(line.split("  (")[0]).name for line in done.output.splitlines() if not line.startswith("note:")]
+    assert names == ["mujoco.xml", "mujoco_scene.png"]
+    again = physic("export", saved_pair, "--to", "mjcf", "--person", 1)
     assert (again.exit_code, again.output.startswith("Error: ")) == (2, True)
     for name in names:
         os.remove(saved_pair / name)

@@ -7,7 +7,6 @@ import json
 import numpy as np
 import pytest
 import trimesh
-from PIL import Image
 
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
@@ -56,25 +55,3 @@ def test_each_camera_of_a_glb_file_looks_at_the_people(several):
         seen = transform_points(np.linalg.inv(pose), transform_points(matrix, joints)) * [1, -1, -1]
         spots = seen @ camera.intrinsics.matrix.T
         np.testing.assert_allclose(spots[:, :2] / spots[:, 2:], expected_pixels(camera, joints), atol=1e-6)
-
-
-def test_coco_has_an_image_of_each_photo_with_its_people(export, several):
-    files = {path.name: path for path in export("a.json", "coco", of=several).files}
-    document = json.loads(files["a.json"].read_text())
-    assert {one["id"]: one["file_name"] for one in document["images"]} == {1: "a.png", 2: "a_1.png", 3: "a_2.png"}
-    for image, camera in zip(document["images"], several.cameras, strict=True):
-        np.testing.assert_array_equal(np.asarray(Image.open(files[image["file_name"]])), camera.image)
-        assert (image["height"], image["width"]) == camera.image.shape[:2]
-    labels = document["annotations"]
-    assert [(one["image_id"], one["person"]) for one in labels] == [(1, 0), (1, 1), (2, 0), (2, 1), (3, 1)]
-    assert len({one["id"] for one in labels}) == 5
-    seen = several.cameras[2].people[1]
-    assert labels[4]["area"] == seen.mask.sum()
-    np.testing.assert_allclose(labels[4]["bbox"][:2], seen.box[:2], atol=0.01)
-    np.testing.assert_allclose(labels[4]["keypoints"][:2], seen.keypoints[0], atol=0.01)
-
-
-def test_coco_of_one_person_has_them_in_each_photo(export, several):
-    document = json.loads(export("a.json", "coco", of=several, person=0).files[0].read_text())
-    assert [(one["image_id"], one["person"]) for one in document["annotations"]] == [(1, 0), (2, 0)]
-    assert len(document["images"]) == 3

@@ -116,7 +116,6 @@ def test_every_bone_has_a_name_of_its_own(style: str):
     [
         ("a.glb", {"names": "rigify"}, "the option 'names' of the format glb is one of smplx, mixamo, unreal, unity, "),
         ("a.bvh", {"rigid": True}, "the format bvh has no option 'rigid': its options are names"),
-        ("a.json", {"format": "coco", "names": "smplx"}, "the format coco has no option 'names': it has none"),
     ],
 )
 def test_an_option_that_a_format_does_not_have_is_an_error(export, tmp_path: Path, name: str, options, message: str):
