@@ -159,9 +159,7 @@ def _measure_accuracy(options: _AccuracyOptions) -> None:
 
 
 @bench.command()
-@click.option(
-    "--sections", metavar="NAME,...", default="", help="floor, nearest, people, size, threads, cuda.  [default: all]"
-)
+@click.option("--sections", metavar="NAME,...", default="", help="floor, people.  [default: both]")
 @click.option("--repeats", metavar="N", type=click.IntRange(1), default=5, show_default=True, help="Rounds.")
 @click.option("--preset", metavar="NAME", default="default", show_default=True, help="Engine's preset.")
 @click.option("--size", type=_Size(), default="640x480", show_default=True, help="Photos, px.")

@@ -23,17 +23,12 @@ if TYPE_CHECKING:
 
 SECTIONS: Mapping[str, str] = {
     "floor": "Stage 3 against 100 forward and backward passes of the body model in float32, one person",
-    "nearest": "Nearest scene points of all vertices, 100 steps with their set-up",
     "people": "Stage 3 by people in the photo",
-    "size": "Stage 3 by the photo's resolution, one person",
-    "threads": "Stage 3 by threads of torch, one person",
-    "cuda": "Stage 3 on CUDA against the CPU",
 }
 """Section -> what it measures."""
 
-PASSES = 100  # of the body model, and queries of nearest points
-"""Number of body model passes, and of nearest-point queries."""
-_SIZES = {"240p": (320, 240), "480p": (640, 480), "720p": (1280, 720), "1080p": (1920, 1080)}
+PASSES = 100
+"""Number of passes of the body model."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +60,6 @@ class SpeedReport:
         seed: seed of the problems.
         repeats: number of rounds.
         rows: rows in order of measurement.
-        notes: skipped measurements, with the reason.
     """
 
     machine: Mapping[str, str | int]
@@ -73,7 +67,6 @@ class SpeedReport:
     seed: int
     repeats: int
     rows: tuple[SpeedRow, ...]
-    notes: tuple[str, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         """Return the report as a JSON-ready dict."""
@@ -96,7 +89,6 @@ def measure_speed(
     *,
     sections: Sequence[str] = tuple(SECTIONS),
     people: Sequence[int] = (1, 2, 4, 8),
-    sizes: Sequence[str] = tuple(_SIZES),
     size: tuple[int, int] = (640, 480),
     preset: str = "default",
     seed: int = 0,
@@ -108,40 +100,27 @@ def measure_speed(
         repeats: number of rounds; medians are taken over them.
         sections: keys of :data:`SECTIONS`.
         people: numbers of people of the section "people"; the first is the reference.
-        sizes: "240p", "480p", "720p", "1080p"; the first is the reference.
-        size: width and height of all other photos, px.
+        size: width and height of the photos, px.
         preset: engine preset.
         seed: seed of the problems.
         progress: called with each section before it is measured.
 
     Raises:
-        ConfigError: a section, size or preset does not exist, or ``repeats`` is below 1.
+        ConfigError: a section or preset does not exist, or ``repeats`` is below 1.
     """
     from physic_core import engine_preset
     from physic_core.adapters.threads import limited_threads
     from physic_core.body import load_body
 
-    _check(repeats, sections, sizes, people)
+    _check(repeats, sections, people)
     bench = _SpeedBenchmark(load_body("embedded"), engine_preset(preset).joint, repeats, size, seed)
-    measures: dict[str, Callable[[], tuple[list[SpeedRow], list[str]]]] = {
-        "floor": bench.floor,
-        "nearest": bench.nearest,
-        "people": lambda: bench.people(people),
-        "size": lambda: bench.sizes(sizes),
-        "threads": bench.threads,
-        "cuda": bench.cuda,
-    }
     rows: list[SpeedRow] = []
-    notes: list[str] = []
-    # As the pipeline runs it.
-    with limited_threads():
+    with limited_threads():  # as the pipeline does
         for section in sections:
             if progress is not None:
                 progress(SECTIONS[section])
-            new_rows, new_notes = measures[section]()
-            rows += new_rows
-            notes += new_notes
-    return SpeedReport(_machine(), preset, seed, repeats, tuple(rows), tuple(notes))
+            rows += bench.floor() if section == "floor" else bench.people(people)
+    return SpeedReport(_machine(), preset, seed, repeats, tuple(rows))
 
 
 def format_report(report: SpeedReport) -> str:
@@ -160,7 +139,6 @@ def format_report(report: SpeedReport) -> str:
             lines.append(
                 f"  {row.name:<{width}}  {_seconds(row.seconds):>9}  {_ratio(row.ratio):>8}  {counted}".rstrip()
             )
-    lines += ["", *report.notes] if report.notes else []
     return "\n".join(lines)
 
 
@@ -174,7 +152,7 @@ class _SpeedBenchmark:
     size: tuple[int, int]
     seed: int
 
-    def floor(self) -> tuple[list[SpeedRow], list[str]]:
+    def floor(self) -> list[SpeedRow]:
         """Compare stage 3 with forward and backward passes of the body model."""
         import torch
 
@@ -187,75 +165,26 @@ class _SpeedBenchmark:
                 torch.autograd.grad(self.model(*inputs).vertices.sum(), inputs)
 
         runs = {f"{PASSES} passes": passes, "stage 3": lambda: counts.solve(problem, self.settings)}
-        return self._rows("floor", runs, {"stage 3": counts}), []
+        return self._rows("floor", runs, {"stage 3": counts})
 
-    def nearest(self) -> tuple[list[SpeedRow], list[str]]:
-        """Compare strategies for nearest scene points."""
-        from physic_bench.worlds.speed_nearest import nearest_rows
-
-        rows = nearest_rows(self._problem(), PASSES, self.repeats, _time_in_turns)
-        return [SpeedRow("nearest", *row) for row in rows], [
-            "nearest: the plain search is timed on some of the vertices, and its time multiplied."
-        ]
-
-    def people(self, counts: Sequence[int]) -> tuple[list[SpeedRow], list[str]]:
+    def people(self, numbers: Sequence[int]) -> list[SpeedRow]:
         """Compare stage 3 by number of people."""
-        return self._compare("people", {f"{n} people" if n > 1 else "1 person": self._problem(n) for n in counts})
-
-    def sizes(self, names: Sequence[str]) -> tuple[list[SpeedRow], list[str]]:
-        """Compare stage 3 by resolution."""
-        return self._compare("size", {name: self._problem(size=_SIZES[name]) for name in names})
-
-    def threads(self) -> tuple[list[SpeedRow], list[str]]:
-        """Compare stage 3 by number of threads."""
-        from physic_core.adapters.threads import limited_threads
-
-        problem = self._problem()
-
-        def run(threads: int) -> None:
-            with limited_threads(threads):
-                _solve(problem, self.settings)
-
-        counts = [n for n in (1, 2, 4, 8, 16) if n <= _cores()]
-        runs = {f"{n} threads" if n > 1 else "1 thread": lambda n=n: run(n) for n in counts}
-        return self._rows("threads", runs, {}), []
-
-    def cuda(self) -> tuple[list[SpeedRow], list[str]]:
-        """Compare stage 3 on CUDA and CPU."""
-        import torch
-
-        if not torch.cuda.is_available():
-            return [], ["CUDA: there is none on this machine, so it was not measured."]
-        here = self._problem()
-        there = replace(here, model=here.model.to("cuda")).to_model_dtype()
-
-        def on_device() -> None:
-            _solve(there, self.settings)
-            torch.cuda.synchronize()
-
-        def on_cpu() -> None:
-            _solve(here, self.settings)
-
-        runs = {"CPU": on_cpu, "CUDA": on_device}
-        return self._rows("cuda", runs, {}), []
-
-    def _problem(self, people: int = 1, size: tuple[int, int] | None = None) -> JointProblem:
-        """Build a problem in float64 with the benchmark's size and seed."""
-        import torch
-
-        from physic_bench.worlds.synthetic_problems import make_joint_problem
-
-        problem = make_joint_problem(self.model, people, self.size if size is None else size, self.seed)
-        return replace(problem, model=self.model.to(dtype=torch.float64)).to_model_dtype()
-
-    def _compare(self, section: str, problems: Mapping[str, JointProblem]) -> tuple[list[SpeedRow], list[str]]:
-        """Measure stage 3 on several problems."""
+        problems = {f"{n} people" if n > 1 else "1 person": self._problem(n) for n in numbers}
         counts = {name: _SolverCounts() for name in problems}
         runs = {
             name: lambda problem=problem, name=name: counts[name].solve(problem, self.settings)
             for name, problem in problems.items()
         }
-        return self._rows(section, runs, counts), []
+        return self._rows("people", runs, counts)
+
+    def _problem(self, people: int = 1) -> JointProblem:
+        """Build a problem in float64 with the benchmark's size and seed."""
+        import torch
+
+        from physic_bench.worlds.synthetic_problems import make_joint_problem
+
+        problem = make_joint_problem(self.model, people, self.size, self.seed)
+        return replace(problem, model=self.model.to(dtype=torch.float64)).to_model_dtype()
 
     def _rows(
         self, section: str, runs: Mapping[str, Callable[[], None]], counts: Mapping[str, _SolverCounts]
@@ -276,16 +205,10 @@ class _SolverCounts:
 
     def solve(self, problem: JointProblem, settings: JointMethod) -> None:
         """Solve a problem and store the counts."""
-        evaluations, steps = _solve(problem, settings)
-        self.numbers = {"evaluations": evaluations, "steps": steps}
+        from physic_core.engine.joint.solve import optimize
 
-
-def _solve(problem: JointProblem, settings: JointMethod) -> tuple[int, int]:
-    """Solve a problem; return evaluations and steps."""
-    from physic_core.engine.joint.solve import optimize
-
-    result = optimize(problem, settings)
-    return result.evaluations, result.steps
+        result = optimize(problem, settings)
+        self.numbers = {"evaluations": result.evaluations, "steps": result.steps}
 
 
 def _time_in_turns(runs: Mapping[str, Callable[[], None]], repeats: int) -> dict[str, tuple[float, float]]:
@@ -304,16 +227,14 @@ def _time_in_turns(runs: Mapping[str, Callable[[], None]], repeats: int) -> dict
     }
 
 
-def _check(repeats: int, sections: Sequence[str], sizes: Sequence[str], people: Sequence[int]) -> None:
+def _check(repeats: int, sections: Sequence[str], people: Sequence[int]) -> None:
     """Raise ConfigError for invalid arguments."""
     if repeats < 1:
         raise ConfigError(f"at least one round is needed, got {repeats}")
-    for what, given, known in (("section", sections, SECTIONS), ("size", sizes, _SIZES)):
-        unknown = [name for name in given if name not in known]
-        if unknown:
-            raise ConfigError(f"no {what} named {unknown[0]!r}: choose among {', '.join(known)}")
-    if not people or not sizes or not all(1 <= n <= 8 for n in people):
-        raise ConfigError("people must be numbers from 1 to 8 and sizes names, at least one of each")
+    if unknown := [name for name in sections if name not in SECTIONS]:
+        raise ConfigError(f"no section named {unknown[0]!r}: choose among {', '.join(SECTIONS)}")
+    if not people or not all(1 <= n <= 8 for n in people):
+        raise ConfigError("people must be numbers from 1 to 8, at least one")
 
 
 def _machine() -> dict[str, str | int]:
