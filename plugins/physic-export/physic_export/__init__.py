@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from physic_core import ExporterRecord, hookimpl
+from physic_core import CommandRecord, ExporterRecord, hookimpl
 
 __all__: list[str] = []
 
@@ -59,7 +59,7 @@ def physic_exporters() -> list[ExporterRecord]:
             ups=("z",),
             stem="mujoco",
             needs="a floor in the result",
-            options={"rigid": (False, True)},
+            options={"rigid": (False, True), "balance": (False, True)},
         ),
         ExporterRecord(
             "obj",
@@ -92,6 +92,7 @@ def physic_exporters() -> list[ExporterRecord]:
             bodies="required",
             per_person=True,
             needs="a floor in the result",
+            options={"balance": (False, True)},
         ),
         ExporterRecord(
             "usd",
@@ -107,3 +108,9 @@ def physic_exporters() -> list[ExporterRecord]:
             options=_NAMES | _SKIN | {"texture_size": _TEXTURES["texture_size"]},
         ),
     ]
+
+
+@hookimpl
+def physic_commands() -> list[CommandRecord]:
+    """Return the record of ``physic simulate``."""
+    return [CommandRecord("simulate", "physic_export.simulate_command:simulate", summary="Let people stand in MuJoCo.")]

@@ -16,9 +16,10 @@ from physic_core.errors import InputError
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.floor import drawn_floor
 from physic_core.visual.export.request import camera_pose
-from physic_core.visual.rig import body_of_result, rigs
+from physic_core.visual.rig import body_of_result
 from physic_core.visual.surface import depth_limit, mesh_scene
 from physic_core.visual.textures.pictures import encode_image
+from physic_export.balance import ExportedPerson, people_of
 from physic_export.humanoid import body_segments, convex_hull
 from physic_export.meshes import scene_mesh
 from physic_export.mjcf_humanoid import add_defaults, add_humanoid, add_photo_key
@@ -55,25 +56,44 @@ def export_mjcf(request: ExportRequest) -> ExportedFiles:
     - keyframe ``photo``: the pose of the photo, and the controls that hold it.
     - camera ``photo``: that of the photo.
     """
+    rigid, balance = bool(request.options["rigid"]), bool(request.options["balance"])
+    if rigid and balance:
+        raise InputError("rigid people have no ankles to turn about: give either rigid or balance (--rigid, --balance)")
+    jointed = [] if rigid else people_of(request, request.people, balance=balance)
     tiles = convex_tiles(request.result) if request.scene else []
-    root = _tree(request, tiles)
+    root = mjcf_tree(request, tiles, jointed)
     picture = _add_scene(root, request)
-    if root.find("actuator") is not None:
+    if jointed:
         add_photo_key(root)
-    ElementTree.indent(root)
-    text = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
-    files = {f"{request.stem}{request.suffix}": text, **picture}
+    files = {f"{request.stem}{request.suffix}": mjcf_text(root), **picture}
+    notes = tuple(person.note for person in jointed if person.note)
     if not request.scene:
-        return ExportedFiles(files)
+        return ExportedFiles(files, notes)
     note = f"{len(tiles)} convex tiles of the scene; what is less than 4 cm over the floor is the plane"
     errors = tile_errors(request.result, tiles)
     if errors is not None:
         note += f"; from the scene to the tiles: {100 * errors[0]:.1f} cm (median), {100 * errors[1]:.1f} cm (95 %)"
-    return ExportedFiles(files, (note,))
+    return ExportedFiles(files, (*notes, note))
 
 
-def _tree(request: ExportRequest, tiles: Sequence[Tile]) -> ElementTree.Element:
-    """Return the MJCF elements of a request, without the mesh of the scene and without keyframes."""
+def mjcf_text(root: ElementTree.Element) -> bytes:
+    """Return the content of an MJCF file."""
+    ElementTree.indent(root)
+    text: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+    return text
+
+
+def mjcf_tree(
+    request: ExportRequest, tiles: Sequence[Tile], jointed: Sequence[ExportedPerson], *, springs: bool = False
+) -> ElementTree.Element:
+    """Return the MJCF elements of a request, without the mesh of the scene and without keyframes.
+
+    Args:
+        request: with z up.
+        tiles: of the scene.
+        jointed: the people who have joints; the others of the request are rigid.
+        springs: whether springs hold the pose of the joints, in place of actuators.
+    """
     result, matrix = request.result, request.frame.from_camera
     root = ElementTree.Element("mujoco", model="physic")
     root.append(ElementTree.Comment(f" PhySIC; metres; {request.frame.axes} "))
@@ -84,11 +104,10 @@ def _tree(request: ExportRequest, tiles: Sequence[Tile]) -> ElementTree.Element:
     ElementTree.SubElement(visual, "global", offwidth=str(camera.width), offheight=str(camera.height))
     ElementTree.SubElement(visual, "headlight", ambient="0.4 0.4 0.4", diffuse="0.6 0.6 0.6", specular="0 0 0")
     ElementTree.SubElement(visual, "map", znear="0.01")
-    jointed = rigs(request) if not request.options["rigid"] else []
     if jointed:
-        add_defaults(root)
+        add_defaults(root, springs=springs)
     asset, world = ElementTree.SubElement(root, "asset"), ElementTree.SubElement(root, "worldbody")
-    if jointed:
+    if jointed and not springs:
         ElementTree.SubElement(root, "actuator")
     ElementTree.SubElement(
         world, "geom", {"name": "floor", "type": "plane", "size": "0 0 1", "rgba": _FLOOR, "friction": FRICTION}
@@ -98,16 +117,16 @@ def _tree(request: ExportRequest, tiles: Sequence[Tile]) -> ElementTree.Element:
         add_mesh(asset, name, transform_points(matrix, tile.vertices), tile.faces)
         rgba = " ".join(f"{v:.3f}" for v in [*tile.color, 1.0])
         ElementTree.SubElement(world, "geom", {"name": name, "type": "mesh", "mesh": name, "rgba": rgba} | _HARD)
-    if request.people and not jointed:
+    if rigid := [index for index in request.people if index not in {one.index for one in jointed}]:
         model = body_of_result(result, request.body_file)
-        for index in request.people:
+        for index in rigid:
             _person(asset, world, f"person_{index}", result.people[index], model, matrix)
-    for index, rig in jointed:
-        bit = 2 << index % _PERSON_BITS
+    for person in jointed:
+        bit = 2 << person.index % _PERSON_BITS
         geom = {"contype": str(bit), "conaffinity": str(2**31 - 1 - bit), "group": "3"}
         geom |= {"friction": FRICTION, "rgba": RGBA}
-        segments = body_segments(rig, transform_points(matrix, result.people[index].vertices))
-        add_humanoid(root, f"person_{index}", segments, geom)
+        segments = body_segments(person.rig, person.vertices)
+        add_humanoid(root, f"person_{person.index}", segments, geom, springs=springs)
     pose = camera_pose(request.frame)
     quaternion = roma.rotmat_to_unitquat(torch.from_numpy(pose[:3, :3].copy())).numpy()
     ElementTree.SubElement(

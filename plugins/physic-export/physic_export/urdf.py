@@ -14,8 +14,7 @@ import torch
 import trimesh
 
 from physic_core import ExportedFiles, ExportRequest
-from physic_core.geometry.upright import transform_points
-from physic_core.visual.rig import rigs
+from physic_export.balance import people_of
 from physic_export.humanoid import SOLE_RADIUS_M, body_segments
 from physic_export.joint_strength import max_torque
 from physic_export.mjcf_shapes import numbers
@@ -68,18 +67,20 @@ def export_urdf(request: ExportRequest) -> ExportedFiles:
     in radians.
     """
     files: dict[str, bytes] = {}
-    for index, rig in rigs(request):
-        vertices = transform_points(request.frame.from_camera, request.result.people[index].vertices)
-        segments = body_segments(rig, vertices)
-        name = request.file_of(index)
+    people = people_of(request, request.people, balance=bool(request.options["balance"]))
+    for person in people:
+        segments = body_segments(person.rig, person.vertices)
+        name = request.file_of(person.index)
         stem = PurePath(name).stem
-        robot = _robot(stem, f"person_{index}", segments)
+        robot = _robot(stem, f"person_{person.index}", segments)
         files |= robot.meshes
         files[f"{stem}.json"] = (json.dumps(_pose(request, segments), indent=2) + "\n").encode()
         ElementTree.indent(robot.root)
         files[name] = ElementTree.tostring(robot.root, encoding="utf-8", xml_declaration=True)
-    without_scene = "the scene is not in a URDF file: --to mjcf, usd, obj and glb have it"
-    return ExportedFiles(files, (without_scene,) if request.scene else ())
+    notes = [person.note for person in people if person.note]
+    if request.scene:
+        notes.append("the scene is not in a URDF file: --to mjcf, usd, obj and glb have it")
+    return ExportedFiles(files, tuple(notes))
 
 
 def _pose(request: ExportRequest, segments: Sequence[Segment]) -> dict[str, object]:

@@ -8,16 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 import trimesh
 from scipy.spatial import ConvexHull, cKDTree
 
 from physic_core import Reconstruction
-from physic_core.body import load_body
 from physic_core.body.joints import JOINT_NAMES
-from physic_core.body.parameters import parameters_from_rotations
 from physic_core.geometry.upright import transform_points
-from physic_core.types import ContactPartner
 from physic_core.visual.export.request import export_frame
 from physic_export.tiles import FLAT_M, FLOOR_M, Tile, convex_tiles
 
@@ -310,42 +306,3 @@ def test_a_result_without_a_surface_is_a_floor_with_people(export, result: Recon
     assert 'name="person_1"' in without
     assert 'name="person_0"' not in without
     assert Path(export("b.mjcf", scene=False).files[0]).suffix == ".mjcf"
-
-
-def upright(result: Reconstruction) -> Reconstruction:
-    """The first person in a T-pose, upright, with the soles on a floor without a scene."""
-    model, floor = load_body("embedded").to(dtype=torch.float64), result.scene.floor
-    up = np.asarray(floor.normal, np.float64)
-    forward = np.array([0.0, 0.0, -1.0]) + up[2] * up
-    forward /= np.linalg.norm(forward)
-    rotations = torch.eye(3, dtype=torch.float64).repeat(1, 55, 1, 1)
-    rotations[0, 0] = torch.from_numpy(np.stack([np.cross(up, forward), up, forward], 1))
-    betas, transl = torch.zeros(1, 16, dtype=torch.float64), np.array([0.0, 0.0, 3.0])
-    low = (model(rotations, betas, torch.from_numpy(transl[None])).vertices[0].numpy() @ up + floor.offset).min()
-    place = torch.from_numpy((transl - low * up)[None])
-    posed = model(rotations, betas, place)
-    person = replace(
-        result.people[0],
-        parameters=parameters_from_rotations(rotations, betas, None, place),
-        vertices=posed.vertices[0].numpy().astype(np.float32),
-        joints=posed.joints[0].numpy().astype(np.float32),
-    )
-    empty = replace(result.scene, valid=np.zeros_like(result.scene.valid))
-    soles = person.vertices @ up + floor.offset < 0.01
-    partner = np.where(soles, 0, -1).astype(np.int16)
-    person = replace(person, contact=soles, contact_partner=partner)
-    return replace(result, people=(person,), scene=empty, contact_partners=(ContactPartner("floor"),))
-
-
-def test_an_upright_body_stands_on_its_actuators(result: Reconstruction, tmp_path: Path):
-    mujoco = pytest.importorskip("mujoco")
-
-    model = mujoco.MjModel.from_xml_path(str(upright(result).export(str(tmp_path / "a.xml")).files[0]))
-    data = mujoco.MjData(model)
-    mujoco.mj_resetDataKeyframe(model, data, model.key("photo").id)
-    height, angles, worst = data.qpos[2], data.qpos[7:].copy(), 0.0
-    while data.time < 2.0:
-        mujoco.mj_step(model, data)
-        worst = max(worst, float(np.abs(data.qpos[7:] - angles).max()))
-    assert np.rad2deg(worst) < 1.0
-    assert data.qpos[2] == pytest.approx(height, abs=0.01)
