@@ -104,8 +104,8 @@ def test_a_backend_that_cannot_be_loaded():
     ):
         with pytest.raises(ConfigError, match=message):
             load_backend(*arguments, **options)
-    with pytest.raises(WeightsMissingError, match="depth-anything-3-metric-onnx"):
-        load_backend("metric_depth", "depth-anything-3-metric-onnx")
+    with pytest.raises(WeightsMissingError, match="depth-anything-v2-metric-onnx"):
+        load_backend("metric_depth", "depth-anything-v2-metric-onnx")
 
 
 @pytest.mark.parametrize(

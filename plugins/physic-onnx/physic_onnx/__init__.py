@@ -55,6 +55,16 @@ def physic_backends() -> list[BackendRecord]:
         ),
         BackendRecord(
             "metric_depth",
+            "depth-anything-v2-metric-onnx",
+            "physic_onnx.depth_anything:DepthAnythingMetric",
+            api=1,
+            summary="Depth Anything V2 metric, indoors or outdoors",
+            weights_license="Apache-2.0 (small); CC-BY-NC-4.0 (base, large)",
+            needs=("weights",),
+            weights=("depth-anything-v2-metric-indoor-small",),
+        ),
+        BackendRecord(
+            "metric_depth",
             "depth-anything-3-metric-onnx",
             "physic_onnx.depth_anything_3:DepthAnything3",
             api=1,
@@ -72,6 +82,16 @@ def physic_backends() -> list[BackendRecord]:
             weights_license="MIT (MoGe-2), Apache-2.0 (DINOv2)",
             needs=("weights",),
             weights=("moge-2-vits-normal",),
+        ),
+        BackendRecord(
+            "relative_pointmap",
+            "depth-anything-onnx",
+            "physic_onnx.depth_anything:DepthAnythingRelative",
+            api=1,
+            summary="Depth Anything V2 or 3 relative: disparity up to scale and shift",
+            weights_license="Apache-2.0 (small); CC-BY-NC-4.0 (base, large)",
+            needs=("weights",),
+            weights=("depth-anything-v2-small",),
         ),
         BackendRecord(
             "keypoint_detector",

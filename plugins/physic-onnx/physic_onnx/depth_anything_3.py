@@ -62,8 +62,8 @@ class DepthAnything3(OnnxBackend, MetricDepth):
         """
         if "mono" in path.name.lower():
             raise BackendError(
-                f"{path.name} is called after Depth Anything 3 mono, which returns relative depth: "
-                "name weights of Depth Anything 3 metric"
+                f"{path.name} is called after Depth Anything 3 mono, which returns relative depth: use it as "
+                "relative_pointmap 'depth-anything-onnx', or name weights of Depth Anything 3 metric"
             )
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:

@@ -123,7 +123,7 @@ class TestContract:
             loaded(DepthAnything3, str(path))
 
     def test_relative_file_with_a_sky_is_refused_by_its_name(self, contract_graph, loaded):
-        with pytest.raises(BackendError, match="returns relative depth: name weights of"):
+        with pytest.raises(BackendError, match="returns relative depth: use it as relative_pointmap"):
             loaded(DepthAnything3, contract_graph(name="da3mono_l_504x378.onnx"))
 
 

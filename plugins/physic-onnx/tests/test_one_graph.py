@@ -9,12 +9,12 @@ import pytest
 
 from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.weights import read_manifest
+from physic_onnx.depth_anything import DepthAnythingMetric, DepthAnythingRelative
 from physic_onnx.depth_anything_3 import DepthAnything3
 from physic_onnx.depth_maps import fixed_input_size, mask_depth, squeeze_map
-from physic_onnx.migan import MiGan
 from physic_onnx.one_graph import MANIFEST, find_graph_file
 
-ADAPTERS = (DepthAnything3, MiGan)
+ADAPTERS = (DepthAnythingMetric, DepthAnythingRelative, DepthAnything3)
 
 
 @pytest.fixture
@@ -46,13 +46,13 @@ class TestFile:
             find_graph_file(str(tmp_path))
 
     def test_an_unknown_name_gets_a_known_one_suggested(self):
-        with pytest.raises(WeightsMissingError, match="Did you mean 'depth-anything-3-metric-large'"):
-            find_graph_file("depth-anything-3-metric-larg")
+        with pytest.raises(WeightsMissingError, match="Did you mean 'depth-anything-v2-large'"):
+            find_graph_file("depth-anything-v2-larg")
 
     def test_fingerprint_is_of_the_file(self, depth_file):
-        first = DepthAnything3(DepthAnything3.Options(weights=str(depth_file))).fingerprint()
+        first = DepthAnythingMetric(DepthAnythingMetric.Options(weights=str(depth_file))).fingerprint()
         depth_file.write_bytes(depth_file.read_bytes() + b"\n")
-        assert first != DepthAnything3(DepthAnything3.Options(weights=str(depth_file))).fingerprint() != ""
+        assert first != DepthAnythingMetric(DepthAnythingMetric.Options(weights=str(depth_file))).fingerprint() != ""
 
 
 class TestMaps:

@@ -4,9 +4,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_onnx.patch_grid import input_size_by_long_side, limit_patches
+from physic_onnx.patch_grid import input_size_by_long_side, input_size_least_scaling, limit_patches
 
 SIDES = st.integers(14, 4000)
+
+
+@pytest.mark.parametrize(
+    ("height", "width", "wanted"),
+    [
+        (1080, 1920, (518, 924)),  # larger: the short side becomes 518
+        (1920, 1080, (924, 518)),
+        (240, 320, (392, 518)),  # smaller: the long side does
+        (518, 518, (518, 518)),
+        (97, 131, (378, 518)),
+    ],
+)
+def test_one_side_becomes_518_and_the_other_a_multiple_of_14(height: int, width: int, wanted: tuple[int, int]) -> None:
+    assert input_size_least_scaling(height, width, 518) == wanted
 
 
 @pytest.mark.parametrize(
@@ -19,14 +33,14 @@ def test_the_long_side_becomes_504(height: int, width: int, wanted: tuple[int, i
 
 @given(SIDES, SIDES)
 def test_sizes_are_whole_patches(height: int, width: int) -> None:
-    rows, columns = input_size_by_long_side(height, width, 504)
-    assert rows % 14 == columns % 14 == 0
-    assert min(rows, columns) >= 14
+    for rows, columns in (input_size_least_scaling(height, width, 518), input_size_by_long_side(height, width, 504)):
+        assert rows % 14 == columns % 14 == 0
+        assert min(rows, columns) >= 14
 
 
 @given(SIDES, SIDES, st.integers(16, 6000))
 def test_a_limit_of_patches_reduces_and_never_enlarges(height: int, width: int, most: int) -> None:
-    rows, columns = input_size_by_long_side(height, width, 504)
+    rows, columns = input_size_least_scaling(height, width, 518)
     less = limit_patches(rows, columns, most)
     assert less[0] % 14 == less[1] % 14 == 0
     assert less[0] <= rows

