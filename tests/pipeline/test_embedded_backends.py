@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physic_bench.worlds.consistency import consistency
 from physic_core import Reconstruction, reconstruct
 from physic_core.body import load_body
 from physic_core.engine.contact.method import ContactSettings
 from physic_core.io.photo import read_photo
+from tools.consistency import consistency
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

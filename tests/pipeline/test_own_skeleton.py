@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physic_bench.worlds.consistency import consistency
 from physic_core import load_config, load_reconstruction, reconstruct
 from physic_core.body import load_body
 from physic_core.metrics import pa_mpjpe_mm
@@ -15,6 +14,7 @@ from physic_mock.recognition import match_people, recognise_world
 from physic_testing.conformance import check_backend
 from physic_testing.conformance.true_keypoints import world_keypoints
 from physic_testing.worlds import World
+from tools.consistency import consistency
 
 SIDES = ("left", "right")
 BLENDS = {

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physic_bench.worlds.consistency import consistency
 from physic_core import load_config, reconstruct
 from physic_core.body import load_body
 from physic_core.metrics import pa_mpjpe_mm
@@ -13,6 +12,7 @@ from physic_core.pipeline.floor_choice import feet_pixels
 from physic_core.types import SKELETONS, Keypoints, skeleton_named
 from physic_testing.conformance.true_keypoints import world_keypoints
 from physic_testing.worlds import World
+from tools.consistency import consistency
 
 SETS = [name for name in SKELETONS if "hand21" not in name]
 
