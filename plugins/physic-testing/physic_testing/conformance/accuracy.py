@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from physic_core.types import (
         AffineAmbiguity,
         Bodies,
+        BoolArray,
         ContactProbability,
         DepthMap,
         FloatArray,
@@ -68,6 +69,9 @@ MAIN_ERROR: dict[str, str] = {
     "contact_prior": "F1",
 }
 """Interface -> name of the error by which two results are compared."""
+
+SKY_BORDER_PX = 3
+"""Distance from the sky up to which depths are not compared."""
 
 CONTACT_THRESHOLD = 0.5
 """Probability above which a vertex counts as in contact."""
@@ -141,7 +145,7 @@ def _inpainter(answer: UInt8Array, case: Case) -> dict[str, float]:
 
 def _metric_depth(answer: DepthMap, case: Case) -> dict[str, float]:
     truth = case.truth.empty_depth.astype(np.float64)
-    both = np.isfinite(answer.depth) & np.isfinite(truth)
+    both = np.isfinite(answer.depth) & _away_from_the_sky(truth)
     ratio = answer.depth[both] / truth[both]
     fitted = ratio / np.median(ratio)
     return {
@@ -154,9 +158,18 @@ def _metric_depth(answer: DepthMap, case: Case) -> dict[str, float]:
 
 def _relative_pointmap(answer: Pointmap, case: Case) -> dict[str, float]:
     truth = case.truth.empty_depth.astype(np.float64)
-    both = answer.valid & np.isfinite(truth)
+    both = answer.valid & _away_from_the_sky(truth)
     ratio = scale_fitted(answer.points[..., 2][both].astype(np.float64), truth[both], answer.unknown) / truth[both]
     return {"abs-rel, aligned": float(np.abs(ratio - 1).mean()), "delta1, aligned": _delta1(ratio)}
+
+
+def _away_from_the_sky(depth: FloatArray) -> BoolArray:
+    """Return where (H, W) a depth map has no sky within SKY_BORDER_PX, with which resampling would mix it."""
+    import cv2
+
+    brush = np.ones((2 * SKY_BORDER_PX + 1,) * 2, np.uint8)
+    away: BoolArray = cv2.erode(np.isfinite(depth).astype(np.uint8), brush) > 0
+    return away
 
 
 def _keypoint_detector(answer: Keypoints, case: Case) -> dict[str, float]:

@@ -32,7 +32,7 @@ CASES: dict[str, str] = {
     "large": "four times as wide and high",
     "close": "one person, three times as wide and high",
     "walking": "one person who walks, higher than wide",
-    "sitting": "two people side by side on a seat",
+    "steps": "three people on steps outdoors, the farthest first, under a sky",
     "squatting": "one person who squats",
     "leaning": "one person who leans on a wall",
     "striding": "one person who walks, with one hand hidden",
@@ -43,19 +43,21 @@ CASES: dict[str, str] = {
 }
 """Name of each photo -> description."""
 
-EVIDENCE = ("one person", "several people", "walking", "sitting", "squatting", "leaning")
+EVIDENCE = ("one person", "several people", "walking", "steps", "squatting", "leaning")
 """Photos over which bias is measured: different people, poses, rooms, cameras and sizes."""
 
 EVIDENCE_OF_HANDS = ("close", "striding, large", "sitting, large", "crouching, large")
 """The same for hands, which are too small in the others: at 320 x 240 px, a hand has 8 to 15 px."""
 
 _LARGE = 3
+_GLARE = 247
 
 _WORLDS = {
     "several people": ("group", 0),
     "walking": ("walk", 1),
     "striding": ("walk", 0),
     "sitting": ("sit_side_by_side", 0),
+    "steps": ("outdoor_steps", 1),
     "squatting": ("squat", 0),
     "crouching": ("squat", 1),
     "leaning": ("lean_on_wall", 0),
@@ -70,7 +72,7 @@ class Case:
         name: key of CASES, or the name of a world.
         photo: (H, W, 3) uint8 RGB.
         empty: (H, W, 3) uint8 RGB, the photo without its people.
-        hole: (H, W) bool, pixels to inpaint.
+        hole: (H, W) bool, pixels to inpaint: people, and glare, which values above 255 come from.
         intrinsics: true camera intrinsics.
         people: N people with their true masks, without keypoints.
         keypoints: true keypoints of the N people, skeleton "blazepose33".
@@ -150,13 +152,14 @@ def case_of_world(name: str, world: World) -> Case:
     height, width = world.image.shape[:2]
     radius = max(2, round(0.01 * max(height, width)))
     brush = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    hidden = world.masks.any(axis=0) | (world.empty_image.max(axis=2) > _GLARE)
     points, visible = world.keypoints[BLAZEPOSE.name], world.visible[BLAZEPOSE.name]
     scene, original = (world.points(people=people) / np.float32(SCENE_UNIT) for people in (False, True))
     return Case(
         name=name,
         photo=world.image,
         empty=world.empty_image,
-        hole=cv2.dilate(world.masks.any(axis=0).astype(np.uint8), brush) > 0,
+        hole=cv2.dilate(hidden.astype(np.uint8), brush) > 0,
         intrinsics=world.intrinsics,
         people=People(world.masks, world.boxes, np.linspace(0.95, 0.85, len(world.masks))),
         keypoints=Keypoints(points, np.where(visible, 0.95, 0.2), BLAZEPOSE),

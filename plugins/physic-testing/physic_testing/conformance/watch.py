@@ -50,6 +50,22 @@ class Watch:
                     self.changed.setdefault(name, f"{before[name]} -> {value}")
 
     @contextmanager
+    def load(self) -> Iterator[None]:
+        """Watch a call of ``load``, with another number of torch's threads: an earlier load may have set its own."""
+        torch = sys.modules.get("torch")
+        if torch is None:
+            with self.settings():
+                yield
+            return
+        threads = torch.get_num_threads()
+        torch.set_num_threads(threads + 1)
+        try:
+            with self.settings():
+                yield
+        finally:
+            torch.set_num_threads(threads)
+
+    @contextmanager
     def call(self) -> Iterator[list[Any]]:
         """Watch a call of ``infer``; append its result to the yielded list."""
         results: list[Any] = []

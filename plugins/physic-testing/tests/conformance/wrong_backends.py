@@ -700,4 +700,11 @@ class Inexact(RightMetricDepth):
 
     def infer(self, image, hints):
         answer = super().infer(image, hints)
-        return replace(answer, depth=answer.depth * np.float32(1.05))
+        return replace(answer, depth=answer.depth ** np.float32(1.05))
+
+
+@wrong("zero in the sky", "accepts_or_refuses_each_photo_of_people")
+class ZeroInTheSky(RightMetricDepth):
+    def infer(self, image, hints):
+        answer = super().infer(image, hints)
+        return replace(answer, depth=np.where(np.isfinite(answer.depth), answer.depth, 0))
