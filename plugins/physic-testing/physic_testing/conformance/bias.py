@@ -51,6 +51,12 @@ def mean_and_margin(values: FloatArray) -> tuple[float, float]:
     return float(known.mean()), float(stdtrit(count - 1, THREE_ERRORS) * known.std(ddof=1) / np.sqrt(count))
 
 
+def spread(errors: FloatArray) -> FloatArray:
+    """Return the distance (K,) of each error from the mean of the others."""
+    distance: FloatArray = np.abs(errors - errors.mean()) * len(errors) / max(len(errors) - 1, 1)
+    return distance
+
+
 def expect_no_bias(
     values: FloatArray, limit: float, expected: str, unit: str = "", hint: str = "", *, further: float = 0.0
 ) -> None:

@@ -15,6 +15,7 @@ from physic_testing.conformance.bias import (
     expect_no_bias,
     expect_order,
     mean_and_margin,
+    spread,
 )
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckSkipped, expect
@@ -40,6 +41,11 @@ MAX_ACROSS_M, MAX_DISTANCE, MAX_TURN_DEG = 0.05, 1.2, 6.0
 
 MUCH_CLEARER = 0.6
 """As of ``expect_no_better``: another order leaves a quarter of the wrong joints."""
+
+_CROP = (
+    "Is it the focal length of the crop, or of the network? z is the focal length of the photo in px / px per metre, "
+    "in px of the photo: scale what the network says of a crop by the side of the crop."
+)
 
 MAX_JOINT_TO_MESH_M = 0.1
 _KNOWN = ("embedded", "smplx")
@@ -158,11 +164,30 @@ def check_bodies_are_in_place(subject: BackendUnderTest) -> None:
             "transl is added after posing; it is the place of the pelvis only where that is the origin at rest.",
         )
     expect_no_bias(
-        np.array([np.mean([p.log_distance for p in photo]) for photo in _people(subject)]),
-        float(np.log(MAX_DISTANCE)),
-        f"a mean log(distance / true distance) within +-{np.log(MAX_DISTANCE):.2f}",
-        "",
+        np.array([np.mean([100 * p.log_distance for p in photo]) for photo in _people(subject)]),
+        100 * float(np.log(MAX_DISTANCE)),
+        "bodies as far away as people in the photo",
+        " % (of the logarithm) farther",
         "Is the distance that of the network's own focal length? Rescale it to the given intrinsics.",
+    )
+
+
+def check_distance_does_not_depend_on_the_crop(subject: BackendUnderTest) -> None:
+    """The error of the distance does not grow with the size of a person's box, or with the focal length."""
+    people = [p for photo in _people(subject) for p in photo]
+    logs, sides, focals = (np.array([getattr(p, n) for p in people]) for n in ("log_distance", "log_side", "log_focal"))
+    readings = {
+        "multiplied by the side of the person's box": logs + sides,
+        "divided by the side of the person's box": logs - sides,
+        "multiplied by the focal length": logs + focals,
+        "divided by the focal length": logs - focals,
+    }
+    expect_no_better(
+        spread(logs),
+        {words: spread(errors) for words, errors in readings.items()},
+        0.01,
+        "distances in one ratio to the true ones, deviation of log(distance / true distance) from its mean",
+        dict.fromkeys(readings, _CROP),
     )
 
 
@@ -256,7 +281,10 @@ def check_pose_follows_the_photo(subject: BackendUnderTest) -> None:
 
 @dataclass(frozen=True)
 class _Person:
-    """Estimated and true body: joints about the pelvis (22, 3) m, pose (21, 3), errors and the upward axis."""
+    """Estimated and true body: joints about the pelvis (22, 3) m, pose (21, 3), errors and the upward axis.
+
+    ``log_side`` is the logarithm of the larger side of the box, ``log_focal`` that of the focal length, both in px.
+    """
 
     joints: FloatArray
     true_joints: FloatArray
@@ -264,6 +292,8 @@ class _Person:
     true_pose: FloatArray
     across: FloatArray
     log_distance: float
+    log_side: float
+    log_focal: float
     turn_deg: FloatArray
     vertical: FloatArray
 
@@ -283,8 +313,21 @@ def _people(subject: BackendUnderTest) -> list[list[_Person]]:
         root, true_root = (Rotation.from_rotvec(p.global_orient) for p in (given, truth.parameters))
         turn = np.degrees((root * true_root.inv()).as_rotvec())
         vertical = root.apply([0, 1, 0]).reshape(-1, 3)
+        side = np.log((case.people.boxes[:, 2:] - case.people.boxes[:, :2]).max(axis=1))
+        focal = np.full(len(side), np.log(case.intrinsics.fx))
         pose, true_pose = (p.body_pose.reshape(len(p), -1, 3) for p in (given, truth.parameters))
-        rows = (joints - at[:, None], true - place[:, None], pose, true_pose, across, distance, turn, vertical)
+        rows = (
+            joints - at[:, None],
+            true - place[:, None],
+            pose,
+            true_pose,
+            across,
+            distance,
+            side,
+            focal,
+            turn,
+            vertical,
+        )
         kept = np.flatnonzero(np.isfinite(at).all(axis=1))
         photos.append([_Person(*(values[i] for values in rows)) for i in kept])
     return [photo for photo in photos if photo]
@@ -325,6 +368,7 @@ CHECKS: tuple[Check, ...] = (
     Check(check_bodies_are_in_metres, _PARAMETERS, after=_PLACED[:5]),
     Check(check_bodies_project_into_the_boxes, _PARAMETERS, after=_PLACED[:-1]),
     Check(check_bodies_are_in_place, _PARAMETERS, after=_PLACED, unless=BLIND),
+    Check(check_distance_does_not_depend_on_the_crop, _PARAMETERS, after=_PLACED, unless=BLIND),
     Check(check_pose_is_not_turned_or_mirrored, _PARAMETERS, after=_PLACED, unless=BLIND),
     Check(check_joints_are_in_order, _PARAMETERS, after=_UPRIGHT, unless=BLIND),
     Check(check_pose_follows_the_photo, _PARAMETERS, after=_ORDERED, unless=BLIND),

@@ -6,7 +6,7 @@ its output: no real network returns the truth to rounding, or exact multiples of
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -58,13 +58,18 @@ PROVEN = 0.5
 EXACT_BORDER = 0.98
 """Share of a mask's border that is the truth pixel by pixel; shipped networks have at most 0.7."""
 
+MAX_LARGEST = 0.02
+"""Share of an output that may be its largest value; more of it is clipped."""
+
 MAX_FACTOR = 0.02
 """Deviation of the common factor from 1 that is treated as zero."""
 
 FACTORS = (0.3, 3.0)
 """Factors of a line that can prove anything: a constant lies on one of factor 0."""
 
-_OF_PHOTOS = ("metric_depth", "relative_pointmap")
+_TURNS = {"turned by 180 degrees": (-1, -1), "mirrored": (1, -1), "upside down": (-1, 1)}
+"""Words -> steps of rows and columns."""
+
 _SAMPLES, _LINES = 4000, 64
 
 
@@ -121,6 +126,30 @@ def check_is_exact(subject: BackendUnderTest) -> None:
             )
 
 
+def _turn(interface: str, answer: Any, case: Case) -> str:
+    """Return in words which turn of an output is the truth; empty if none is."""
+    for words, (down, right) in _TURNS.items():
+        rows, columns = slice(None, None, down), slice(None, None, right)
+        if interface == "inpainter":
+            turned = answer[rows, columns]
+        elif interface == "metric_depth":
+            turned = replace(answer, depth=answer.depth[rows, columns])
+        elif interface == "relative_pointmap":
+            turned = replace(answer, points=answer.points[rows, columns], valid=answer.valid[rows, columns])
+        elif interface == "segmenter":
+            turned = replace(answer, masks=answer.masks[:, rows, columns])
+        elif interface == "keypoint_detector":
+            height, width = case.photo.shape[:2]
+            turned = replace(
+                answer, points=answer.points * [right, down] + [(right < 0) * (width - 1), (down < 0) * (height - 1)]
+            )
+        else:
+            return ""
+        if agreement(interface, turned, case).share >= PROVEN:
+            return words
+    return ""
+
+
 def _line_in_words(interface: str, own: Agreement) -> str:
     """Return the line of an output as text."""
     if interface in ("metric_depth", "relative_pointmap"):
@@ -131,24 +160,25 @@ def _line_in_words(interface: str, own: Agreement) -> str:
 def _explain(subject: BackendUnderTest, case: Case, answer: Any, own: Agreement, share: float) -> str:
     """Return what is off in a photo, by how much, and its usual cause."""
     interface = subject.interface
+    turn = _turn(interface, answer, case)
+    if turn:
+        return f"It is the truth {turn}: is a photo of this shape turned for the network, and turned back?"
     if interface == "segmenter":
         return _explain_masks(answer, case)
-    for other, _ in subject.evidence():
-        is_comparable = len(other.people) == len(case.people) or interface in _OF_PHOTOS
-        is_alike = other.photo.shape == case.photo.shape and is_comparable
-        if other is not case and is_alike and agreement(interface, answer, other).share >= PROVEN:
-            return f"It is the truth of the photo '{other.name}': is it kept from an earlier call, or by size?"
     if interface == "contact_prior" and own.on_line >= PROVEN > own.share:
         return f"{_contact_range(answer)}: is a sigmoid applied twice, or not at all, or are the values rescaled?"
     if interface == "body_estimator" and own.share >= PROVEN:
         return (
             "The pose is right: is it the shape, the orientation, or the place, such as for the focal length of a crop?"
         )
+    own_values, true, tolerance = _comparable(interface, answer, case)
+    largest = own_values > own_values.max(initial=-np.inf) - tolerance
+    if largest.sum() > MAX_LARGEST * len(largest) and (true[largest] > own_values[largest] + tolerance).any():
+        return f"{largest.mean():.0%} of it are the largest value, and truly larger: is it clipped at a limit?"
     if own.share >= PROVEN:
-        return "A part is wrong and the rest is right: a limit that saturates, a border, rows or people left out?"
+        return "A part is wrong and the rest is right: values that overflow, a border, rows or people left out?"
     if share >= PROVEN:
         return "Other photos are right: does it depend on the size, the aspect ratio, the camera or an earlier call?"
-    own_values, true, _ = _comparable(interface, answer, case)
     if own_values.size and own_values.std() < 1e-6 < true.std():
         return f"It is {own_values[0]:.3g} everywhere: is the network's answer used?"
     if own.on_line < PROVEN and true.size > 2 and true.std() > 0:

@@ -32,6 +32,12 @@ MAX_CONFIDENCE = 0.01
 MUCH_CLEARER = 0.6
 """As of ``expect_no_better``: another order leaves a quarter of the wrong pairs."""
 
+MAX_GRID = 0.1
+"""Error of scale that a grid of cells explains; larger ones come from a crop."""
+
+_GRID = "A grid of N cells between the borders has a step of size / N, between corners of size / (N - 1)."
+_ASPECT = "Is the crop that is scaled back the one that the network saw, with its margin and its aspect ratio?"
+
 MIN_JOINTS = 5
 """Joints in sight without which a person has no line of errors over places."""
 
@@ -125,7 +131,7 @@ def check_joints_are_not_shifted_or_scaled(subject: BackendUnderTest) -> None:
             100 * MAX_SCALE,
             f"joints of the right scale along {way} about the centre of the person's box",
             " %",
-            "A grid of N cells between the borders has a step of size / N, between corners of size / (N - 1).",
+            _ASPECT if abs(lines[:, axis, 1].mean()) > MAX_GRID else _GRID,
             further=100 * scale_error,
         )
 

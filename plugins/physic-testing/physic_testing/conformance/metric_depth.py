@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_testing.conformance.bias import expect_no_better, expect_no_bias
+from physic_testing.conformance.bias import expect_no_better, expect_no_bias, spread
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.depth_checks import (
     expect_along_z,
@@ -21,7 +21,6 @@ from physic_testing.conformance.depth_checks import (
 from physic_testing.conformance.expect import CheckSkipped, expect
 
 if TYPE_CHECKING:
-    from physic_core.types import FloatArray
     from physic_testing.conformance.backend_under_test import BackendUnderTest
 
 MAX_SIGMA = 1.5
@@ -91,18 +90,12 @@ def check_depth_has_no_bias_of_scale(subject: BackendUnderTest) -> None:
         for i, unit in enumerate(("px", "widths of the photo", "larger sides of the photo"))
     }
     expect_no_better(
-        _spread(np.array(logs)),
-        {words: _spread(errors) for words, errors in readings.items()},
+        spread(np.array(logs)),
+        {words: spread(errors) for words, errors in readings.items()},
         0.01,
         "a scale that does not depend on the camera, deviation of log(depth / true depth) from its mean",
         dict.fromkeys(readings, _RESCALED),
     )
-
-
-def _spread(errors: FloatArray) -> FloatArray:
-    """Return the distance (K,) of each error from the mean of the others."""
-    distance: FloatArray = np.abs(errors - errors.mean()) * len(errors) / max(len(errors) - 1, 1)
-    return distance
 
 
 def check_depth_has_no_offset(subject: BackendUnderTest) -> None:

@@ -238,6 +238,11 @@ def pelvis_at(change: Callable[[np.ndarray], np.ndarray]) -> Callable[..., Any]:
     return changed
 
 
+def at_the_focal_length_of_the_crop(bodies: Any, image: Any, people: Any, *_: Any) -> Any:
+    sides = (people.boxes[:, 2:] - people.boxes[:, :2]).max(axis=1, initial=0)[:, None]
+    return pelvis_at(lambda pelvis: pelvis * sides / 150)(bodies)
+
+
 def turned(rotvecs: np.ndarray, by: list[float]) -> np.ndarray:
     return (Rotation.from_rotvec(by) * Rotation.from_rotvec(rotvecs)).as_rotvec()
 
@@ -355,6 +360,12 @@ FAULTS: tuple[Fault, ...] = (
     Fault(_BODY, "joints with knees for ankles", "joints_are_in_order", with_joints(knees_for_ankles)),
     Fault(_BODY, "pose of the mirrored person", "pose_is_not_turned_or_mirrored", with_parameters(of_mirrored_person)),
     Fault(_BODY, "pose always zero", "pose_follows_the_photo", with_parameters(lambda p: pose_of(p, np.zeros_like))),
+    Fault(
+        _BODY,
+        "at the focal length of the crop",
+        "distance_does_not_depend_on_the_crop",
+        at_the_focal_length_of_the_crop,
+    ),
     Fault(_BODY, "distance times 1.4", "bodies_are_in_place", pelvis_at(lambda pelvis: 1.4 * pelvis)),
     Fault(_BODY, "0.25 m too low", "bodies_are_in_place", pelvis_at(lambda pelvis: pelvis + np.array([0, 0.25, 0]))),
     Fault(
