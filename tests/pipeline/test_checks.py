@@ -94,6 +94,7 @@ def case(**changes: Any) -> tuple[Any, Any, EngineSettings]:
     maps = {"scene": known["scene_camera"], "original": None}
     evidence = SimpleNamespace(
         bodies=SimpleNamespace(observed=observed),
+        views=(),
         depth=SimpleNamespace(scale_sigma=known["sigma"], intrinsics=None),
         missing_results=(known["lost"],),
         keypoints=keypoints_at(joints, known["camera"], known["off"], known["moved"]),
@@ -233,6 +234,12 @@ def test_a_ruler_is_held_against_the_depth_as_it_was_given() -> None:
 def test_one_seen_ankle_is_enough_of_a_leg() -> None:
     evidence, solution, settings = case(legs=False)
     evidence.bodies.observed[0, 7] = True
+    assert failed_checks(run_checks(evidence, solution, settings), 0) == ()
+
+
+def test_joints_that_another_photo_of_the_moment_shows_are_visible() -> None:
+    evidence, solution, settings = case(legs=False, shoulders=False)
+    evidence.views = (SimpleNamespace(observed=torch.ones((1, 55), dtype=torch.bool)),)
     assert failed_checks(run_checks(evidence, solution, settings), 0) == ()
 
 

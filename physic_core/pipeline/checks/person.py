@@ -16,6 +16,7 @@ from physic_core.pipeline.checks.result import Measurement, relative_difference
 if TYPE_CHECKING:
     from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.solution import Solution
+    from physic_core.types import BoolArray
 
 _KNEES, _ANKLES, _SHOULDERS = joint_pair("knee"), joint_pair("ankle"), joint_pair("shoulder")
 _NO_FLOOR = "no floor was found"
@@ -105,10 +106,10 @@ def _check_picture(estimates: Estimates, solution: Solution, person: int) -> Ite
         "most of the body is hidden or outside the photo: what is not seen is a guess",
         unmeasured=_NO_BODY,
     )
-    observed = estimates.bodies.observed
+    observed = _visible_joints(estimates, person)
     yield Measurement(
         "shoulders_seen",
-        None if observed is None else float(observed[person][_SHOULDERS].sum()),
+        None if observed is None else float(observed[_SHOULDERS].sum()),
         "neither shoulder is visible: the pose of trunk and arms is a guess",
         unmeasured="the body estimator does not report which joints are visible",
     )
@@ -271,5 +272,13 @@ def _floor_problem(solution: Solution) -> str | None:
 
 def _visible_legs(estimates: Estimates, person: int) -> int | None:
     """Count the legs with a visible knee or ankle; None if the backend does not report visible joints."""
-    observed = estimates.bodies.observed
-    return None if observed is None else int((observed[person][_KNEES] | observed[person][_ANKLES]).sum())
+    observed = _visible_joints(estimates, person)
+    return None if observed is None else int((observed[_KNEES] | observed[_ANKLES]).sum())
+
+
+def _visible_joints(estimates: Estimates, person: int) -> BoolArray | None:
+    """Return the joints (55,) that any photo shows; None if the backend does not report visible joints."""
+    if estimates.bodies.observed is None:
+        return None
+    others = (view.observed[person].cpu().numpy() for view in estimates.views)
+    return np.any([estimates.bodies.observed[person], *others], axis=0)
