@@ -17,7 +17,7 @@ from physic_core.types import CameraTrust, SkippedPhoto, SolvedCameras
 from physic_core.types.bounds import Positive
 
 if TYPE_CHECKING:
-    from physic_core.types import BoolArray, FloatArray, IntArray, Intrinsics, MomentView
+    from physic_core.types import BoolArray, FloatArray, IntArray, MomentView
 
 _FIXED_FOCAL, _KNOWN_FOCAL, _ESTIMATED_FOCAL, _GUESSED_FOCAL = 1e-6, 0.003, 0.2, 0.3
 _KNOWN_STATURE = 0.01
@@ -169,7 +169,7 @@ def solved(
     intrinsics = [view.intrinsics for view in views]
     for photo, log_focal, sigma in zip(photos, cameras.log_focal, adjusted.focal_sigma, strict=True):
         if photo.view.pose is None:
-            intrinsics[photo.index] = _camera(photo.view.intrinsics, float(log_focal), float(sigma))
+            intrinsics[photo.index] = photo.view.intrinsics.with_solved_focal(float(np.exp(log_focal)), float(sigma))
     distance = np.linalg.norm(rig.centres, axis=1)
     return SolvedCameras(
         reference=photos[reference].index,
@@ -253,16 +253,3 @@ def _scale(rows: IntArray, photos: Sequence[Photo], points: FloatArray, options:
         known.append(any(people.stature_known[i] for people, i in shown))
     chosen = [log for log, is_known in zip(logs, known, strict=True) if is_known or not any(known)]
     return float(np.exp(np.median(chosen))), _KNOWN_STATURE if any(known) else options.body_sigma
-
-
-def _camera(before: Intrinsics, log_focal: float, sigma: float) -> Intrinsics:
-    """Return a camera with its solved focal length."""
-    factor = float(np.exp(log_focal))
-    return replace(
-        before,
-        fx=before.fx * factor,
-        fy=before.fy * factor,
-        source=before.source if before.known else "several photos",
-        trust=before.trust if before.known else CameraTrust.ESTIMATED,
-        focal_sigma=sigma,
-    )

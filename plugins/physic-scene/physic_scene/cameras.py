@@ -11,14 +11,14 @@ import numpy as np
 from physic_core.engine.sizes import STATURE_SIGMA
 from physic_core.engine.sizes.scale_vote import vote_on_scale
 from physic_core.errors import InputError
-from physic_core.types import CameraTrust, SolvedCameras
+from physic_core.types import SolvedCameras
 from physic_scene.bundle import Bundle, Observations, adjust, uncertainties
 from physic_scene.elsewhere import likeliest_elsewhere
 from physic_scene.rigid import Pose
 from physic_scene.triangulation import sizes_by_cameras
 
 if TYPE_CHECKING:
-    from physic_core.types import BoolArray, FloatArray, IntArray, Intrinsics
+    from physic_core.types import BoolArray, FloatArray, IntArray
     from physic_scene.observations import PhotoPeople
     from physic_scene.selection import ChosenPhotos
     from physic_scene.settings import SceneSettings
@@ -95,7 +95,8 @@ def _solution(
     own = np.arange(len(photos)) == found.reference
     cameras = dict(enumerate(chosen.intrinsics))
     for v, photo in enumerate(photos):
-        cameras[photo.index] = _solved_camera(photo.view.intrinsics, float(bundle.log_focal[v]), sigmas[v].log_focal)
+        factor = float(np.exp(bundle.log_focal[v]))
+        cameras[photo.index] = photo.view.intrinsics.with_solved_focal(factor, sigmas[v].log_focal)
     return SolvedCameras(
         reference=index[found.reference],
         rotation=of_all(bundle.rotation),
@@ -114,19 +115,6 @@ def _solution(
                 f"{photos[a].name}, {photos[b].name}": round(match.score, 2) for (a, b), match in chosen.matches.items()
             },
         },
-    )
-
-
-def _solved_camera(before: Intrinsics, log_focal: float, sigma: float) -> Intrinsics:
-    """Return a camera with its solved focal length."""
-    factor = float(np.exp(log_focal))
-    return replace(
-        before,
-        fx=before.fx * factor,
-        fy=before.fy * factor,
-        source=before.source if before.known else "solved from several photos",
-        trust=before.trust if before.known else CameraTrust.ESTIMATED,
-        focal_sigma=sigma,
     )
 
 
