@@ -74,11 +74,9 @@ class CameraSolver(Backend):
             *check_array("rotation_sigma", result.rotation_sigma, (views,), "float"),
             *check_array("position_sigma", result.position_sigma, (views,), "float"),
             *check_array("points", result.points, (people, joints, 3), "float"),
+            *_check_rows("people", result.people, request.photos),
+            *(() if result.moved is None else _check_rows("moved", result.moved, request.photos)),
         ]
-        for name, least in (("people", 2), ("elsewhere", 0), ("moved", 2)):
-            rows = getattr(result, name)
-            if rows is not None or name == "people":
-                wrong += _check_rows(name, rows, request.photos, least)
         if len(result.intrinsics) != views:
             wrong.append(f"intrinsics must be those of the {views} photos, got {len(result.intrinsics)}")
         if not 0 <= result.reference < views:
@@ -91,7 +89,7 @@ class CameraSolver(Backend):
             yield from _check_values(result, request)
 
 
-def _check_rows(name: str, rows: Any, photos: tuple[MomentView, ...], least: int) -> Iterator[str]:
+def _check_rows(name: str, rows: Any, photos: tuple[MomentView, ...]) -> Iterator[str]:
     """Check the rows (P, V) of people in photos."""
     count = len(rows) if getattr(rows, "ndim", 0) else 0
     dtype = str(getattr(rows, "dtype", "int64"))
@@ -106,8 +104,8 @@ def _check_rows(name: str, rows: Any, photos: tuple[MomentView, ...], least: int
             yield f"{name} must be rows of the {len(photo.people)} people of photo {v}, or -1, got {found}"
         elif len(set(used.tolist())) < len(used):
             yield f"{name} must not have one row of photo {v} for two people, got {rows[:, v].tolist()}"
-    if count and ((rows >= 0).sum(1) < least).any():
-        yield f"{name} must show everybody in at least {least} photos"
+    if count and ((rows >= 0).sum(1) < 2).any():
+        yield f"{name} must show everybody in at least 2 photos"
 
 
 def _check_values(result: SolvedCameras, request: CameraSolverRequest) -> Iterator[str]:

@@ -81,9 +81,8 @@ class SolvedCameras(ShortRepr):
             in at least two photos.
         points: (P, J, 3) metres, the keypoints of each person in the reference frame, NaN where unknown.
         scale_sigma: standard deviation of the logarithm of all lengths, or None if it is not known.
-        elsewhere: (P, V) int, the same as ``people`` for photos that show a person in another place or pose than the
-            photos of ``people``; None if there are none.
-        moved: (M, V) int, the same for people whose photos all differ, who have no points; None if there are none.
+        moved: (M, V) int, the same as ``people`` for people whose places or poses differ between the photos, and who
+            have no points; None if there are none.
         skipped: photos that are not part of the solution.
         notes: plain sentences for the user.
         diagnostics: numbers for the record.
@@ -98,7 +97,6 @@ class SolvedCameras(ShortRepr):
     people: IntArray
     points: FloatArray
     scale_sigma: float | None = None
-    elsewhere: IntArray | None = None
     moved: IntArray | None = None
     skipped: tuple[SkippedPhoto, ...] = ()
     notes: tuple[str, ...] = ()

@@ -281,4 +281,5 @@ def _visible_joints(estimates: Estimates, person: int) -> BoolArray | None:
     if estimates.bodies.observed is None:
         return None
     others = (view.observed[person].cpu().numpy() for view in estimates.views)
-    return np.any([estimates.bodies.observed[person], *others], axis=0)
+    visible: BoolArray = np.any([estimates.bodies.observed[person], *others], axis=0)
+    return visible

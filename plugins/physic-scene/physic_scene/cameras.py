@@ -13,7 +13,6 @@ from physic_core.engine.sizes.scale_vote import vote_on_scale
 from physic_core.errors import InputError
 from physic_core.types import SolvedCameras
 from physic_scene.bundle import Bundle, Observations, adjust, uncertainties
-from physic_scene.elsewhere import likeliest_elsewhere
 from physic_scene.rigid import Pose
 from physic_scene.triangulation import sizes_by_cameras
 
@@ -38,10 +37,9 @@ def solve_cameras(chosen: ChosenPhotos, count: int, settings: SceneSettings) -> 
     Raises:
         InputError: no two photos fit each other.
     """
-    rows, moved = chosen.rows, chosen.rows[:0]
-    elsewhere = np.full_like(rows, -1)
-    found = _adjusted(chosen, rows, settings)
+    moved = chosen.rows[:0]
     while True:
+        found = _adjusted(chosen, settings)
         bad = found.errors > settings.fit.keypoint
         view = _view_that_does_not_fit(bad, found.errors)
         if view is not None and len(chosen.photos) == 2:
@@ -52,30 +50,23 @@ def solve_cameras(chosen: ChosenPhotos, count: int, settings: SceneSettings) -> 
         if view is not None:
             why = "its people are in other places or poses than in the other photos"
             chosen = chosen.without(view, "does not fit", why)
-            rows, moved = chosen.rows, chosen.rows[:0]
-            elsewhere = np.full_like(rows, -1)
-        elif (one := _seen_elsewhere(found, bad, settings)) is not None:
-            # The other photos agree: this one shows somebody else, or the person after a move.
-            rows, (view, person) = rows.copy(), one
-            elsewhere[person, view], rows[person, view] = rows[person, view], -1
-        elif bad.any() and len(rows) > 1:
-            worst = _worst_person(bad, found.errors)
-            rows, moved = np.delete(rows, worst, axis=0), np.concatenate([moved, rows[worst : worst + 1]])
-            elsewhere = np.delete(elsewhere, worst, axis=0)
+            moved = chosen.rows[:0]
+        elif bad.any() and len(chosen.rows) > 1:
+            worst = int(np.argmax(bad.sum(0) + np.nanmax(found.errors, axis=0)))
+            moved = np.concatenate([moved, chosen.rows[worst : worst + 1]])
+            chosen = replace(chosen, rows=np.delete(chosen.rows, worst, axis=0))
         else:
-            break
-        found = _adjusted(chosen, rows, settings)
-    return _solution(chosen, count, (rows, elsewhere, moved), found, settings)
+            return _solution(chosen, count, moved, found, settings)
 
 
 def _solution(
     chosen: ChosenPhotos,
     count: int,
-    people: tuple[IntArray, IntArray, IntArray],
+    moved: IntArray,
     found: _Adjusted,
     settings: SceneSettings,
 ) -> SolvedCameras:
-    """Return the cameras of all photos, NaN for skipped ones, and the people by their rows, elsewhere and moved."""
+    """Return the cameras of all photos, NaN for skipped ones, and the people by their rows, moved ones apart."""
     sigmas = uncertainties(found.observations, found.bundle, found.reference, settings.bundle)
     scale, scale_sigma = _scale(found.observations, found.bundle)
     bundle = found.bundle.scaled(scale)
@@ -88,9 +79,8 @@ def _solution(
         every[index] = values
         return every
 
-    rows, elsewhere, moved = (of_all(rows.T, otherwise=-1).T for rows in people)
     skeleton = photos[0].view.keypoints.joint_set
-    points = np.full((len(rows), len(skeleton), 3), np.nan)
+    points = np.full((len(chosen.rows), len(skeleton), 3), np.nan)
     points[:, list(skeleton.fitted)] = bundle.points
     own = np.arange(len(photos)) == found.reference
     cameras = dict(enumerate(chosen.intrinsics))
@@ -104,11 +94,10 @@ def _solution(
         intrinsics=tuple(cameras[i] for i in range(count)),
         rotation_sigma=of_all(np.where(own, 0.0, [sigma.rotation for sigma in sigmas])),
         position_sigma=of_all(np.where(own, 0.0, [sigma.position_m for sigma in sigmas])),
-        people=rows,
+        people=of_all(chosen.rows.T, otherwise=-1).T,
         points=points,
         scale_sigma=scale_sigma,
-        elsewhere=elsewhere,
-        moved=moved,
+        moved=of_all(moved.T, otherwise=-1).T,
         skipped=chosen.left_out,
         diagnostics={
             "matching_scores": {
@@ -128,7 +117,8 @@ class _Adjusted:
     errors: FloatArray
 
 
-def _adjusted(chosen: ChosenPhotos, rows: IntArray, settings: SceneSettings) -> _Adjusted:
+def _adjusted(chosen: ChosenPhotos, settings: SceneSettings) -> _Adjusted:
+    rows = chosen.rows
     people = [photo.people for photo in chosen.photos]
     reference = reference_photo(rows, people)
     poses = start_poses(chosen, reference)
@@ -186,31 +176,6 @@ def reference_photo(rows: IntArray, people: Sequence[PhotoPeople]) -> int:
     seen = [photo.confidence[rows[shown[:, v], v]].sum() for v, photo in enumerate(people)]
     known = [photo.pose is not None for photo in people]
     return max(range(len(people)), key=lambda v: (known[v], shown[:, v].sum(), seen[v]))
-
-
-def _seen_elsewhere(found: _Adjusted, bad: BoolArray, settings: SceneSettings) -> tuple[int, int] | None:
-    """Return the photo, and the person whom it shows elsewhere than at least two other photos; None if there is none.
-
-    Args:
-        found: cameras and points of all people.
-        bad: (V, P) whether a person does not fit in a photo.
-        settings: of all steps.
-    """
-    bundle, odds = found.bundle, settings.fit.elsewhere
-    if found.observations.known.any():  # the odds are those of the energy of unknown cameras
-        bundle = adjust(found.observations, bundle, found.reference, settings.bundle)
-    one = likeliest_elsewhere(found.observations, bundle, found.reference, settings.bundle, odds)
-    if one is not None or not bad.any() or bad.shape[1] < 2:
-        return one
-    worst = _worst_person(bad, found.errors)
-    if bad[:, worst].sum() == 1 and np.isfinite(found.errors[:, worst]).sum() > 2:
-        return int(np.argmax(bad[:, worst])), worst
-    return None
-
-
-def _worst_person(bad: BoolArray, errors: FloatArray) -> int:
-    """Return the person who does not fit in most photos, and of several the one with the largest error."""
-    return int(np.argmax(bad.sum(0) + np.nanmax(errors, axis=0)))
 
 
 def _view_that_does_not_fit(bad: BoolArray, errors: FloatArray) -> int | None:

@@ -60,7 +60,6 @@ def moment_document(scene: SceneResult) -> dict[str, Any]:
             "views": list(person.views),
             "row": person.row,
             "moved": person.moved,
-            "elsewhere": list(person.elsewhere),
         }
         for person in scene.people
     ]

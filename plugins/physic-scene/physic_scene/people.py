@@ -30,15 +30,18 @@ class PersonOfScene(ShortRepr):
         number: in ``SceneResult.people``; None for a person whom the reference photo alone shows.
         shown: photo -> index in its result, of the photos that show this body.
         elsewhere: the same for photos that show the person in another place or pose.
-        solved: whether the body is that of several photos.
         parameters: body before the joint solution, in the reference frame, metres; a batch of one.
     """
 
     number: int | None
     shown: Mapping[int, int]
     elsewhere: Mapping[int, int]
-    solved: bool
     parameters: BodyParameters
+
+    @property
+    def solved(self) -> bool:
+        """Whether the body is that of several photos."""
+        return len(self.shown) > 1
 
 
 def people_of_scene(solved: SolvedScene, model: BodyModel) -> tuple[PersonOfScene, ...]:
@@ -48,44 +51,38 @@ def people_of_scene(solved: SolvedScene, model: BodyModel) -> tuple[PersonOfScen
     them in their place: without a match, they may be a person of another photo.
     """
     reference, photos = solved.reference, solved.photos
-    matched = [*_matched(solved, model), *_moved(solved, model)]
+    matched = [
+        PersonOfScene(p, _indices(row, photos), {}, solved.bodies.parameters([p], model))
+        for p, row in enumerate(solved.rows)
+    ]
+    matched += [_moved(solved, number, row, model) for number, row in enumerate(solved.moved, len(matched))]
     in_reference = {({**one.elsewhere, **one.shown}).get(reference): one for one in matched}
     own = [
-        in_reference.get(i) or PersonOfScene(None, {reference: i}, {}, False, person.parameters)
+        in_reference.get(i) or PersonOfScene(None, {reference: i}, {}, person.parameters)
         for i, person in enumerate(photos[reference].result.people)
     ]
     others = [one for one in matched if reference not in {**one.elsewhere, **one.shown}]
     return (*own, *others, *_of_one_photo(solved, len(matched), model))
 
 
-def _matched(solved: SolvedScene, model: BodyModel) -> Iterator[PersonOfScene]:
-    """Yield the people whose body is that of several photos."""
-    photos = solved.photos
-    for p, (row, elsewhere) in enumerate(zip(solved.rows, solved.elsewhere, strict=True)):
-        parameters = solved.bodies.parameters([p], model)
-        yield PersonOfScene(p, _indices(row, photos), _indices(elsewhere, photos), True, parameters)
-
-
-def _moved(solved: SolvedScene, model: BodyModel) -> Iterator[PersonOfScene]:
-    """Yield the people whose photos all differ, as the reference photo or else the first one shows them."""
-    photos = solved.photos
-    for number, row in enumerate(solved.moved, len(solved.rows)):
-        shown = np.flatnonzero(row >= 0)
-        view = solved.reference if row[solved.reference] >= 0 else int(shown[0])
-        chosen = np.arange(len(row)) == view
-        here, others = (_indices(np.where(own, row, -1), photos) for own in (chosen, ~chosen))
-        yield PersonOfScene(number, here, others, False, _parameters_alone(solved, view, int(row[view]), model))
+def _moved(solved: SolvedScene, number: int, row: IntArray, model: BodyModel) -> PersonOfScene:
+    """Return a person whose photos (V,) differ, as the reference photo or else the first one shows them."""
+    shown = np.flatnonzero(row >= 0)
+    view = solved.reference if row[solved.reference] >= 0 else int(shown[0])
+    chosen = np.arange(len(row)) == view
+    here, others = (_indices(np.where(own, row, -1), solved.photos) for own in (chosen, ~chosen))
+    return PersonOfScene(number, here, others, _parameters_alone(solved, view, int(row[view]), model))
 
 
 def _of_one_photo(solved: SolvedScene, first: int, model: BodyModel) -> Iterator[PersonOfScene]:
     """Yield people whom one photo but the reference shows, who are unlike everybody else; numbers go on from first."""
-    photos, known = solved.photos, np.concatenate([solved.rows, solved.elsewhere, solved.moved])
+    photos, known = solved.photos, np.concatenate([solved.rows, solved.moved])
     accepted: list[tuple[int, int]] = []
     for v, photo in enumerate(photos):
         for row in sorted(set(range(len(photo.people))) - set(known[:, v].tolist())) if v != solved.reference else ():
             if not any(_may_be_same(solved, known, (v, row), w, accepted) for w in range(len(photos)) if w != v):
                 parameters = _parameters_alone(solved, v, row, model)
-                yield PersonOfScene(first + len(accepted), {v: photo.rows[row]}, {}, False, parameters)
+                yield PersonOfScene(first + len(accepted), {v: photo.rows[row]}, {}, parameters)
                 accepted.append((v, row))
 
 

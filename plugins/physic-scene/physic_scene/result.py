@@ -46,9 +46,9 @@ def assemble(
     reconstruction = with_cameras(reconstruction, cameras, measured)
     points, colors = _merged_points(reconstruction, own_photos, photos[v].index)
     names = {photo.index: photo.name for photo in photos}
-    moved = [_move(one, names) for one in people if one.moved]
     own = photos[v]
-    others = [_not_shown(one, own.name, names) for one in people if own.index not in (*one.views, *one.elsewhere)]
+    moved = [_move(one, names) for one in people if one.moved]
+    others = [_not_shown(one, own.name, names) for one in people if own.index not in one.views]
     shared = "1 person" if len(solved.rows) == 1 else f"{len(solved.rows)} people"
     notes = (
         f"cameras of {len(photos)} photos from {shared}; the frame is that of {photos[v].name}",
@@ -98,12 +98,8 @@ def _solved_views(solved: SolvedScene) -> list[SolvedView]:
 
 def _move(person: ScenePerson, names: dict[int, str]) -> str:
     """Return a sentence about a person who moved; names are those of the photos."""
-    who = f"person {person.row}"
     views = ", ".join(names[view] for view in person.views)
-    if person.elsewhere:
-        others = ", ".join(names[view] for view in person.elsewhere)
-        return f"{who} moved: {others} shows them in another place or pose, and they are as in {views}"
-    return f"{who} moved between the photos ({views}), and is as one of them shows"
+    return f"person {person.row} moved between the photos ({views}), and is as one of them shows"
 
 
 def _not_shown(person: ScenePerson, reference: str, names: dict[int, str]) -> str:
@@ -118,11 +114,7 @@ def _photos(
     """Return the photos, with the factors (V,) on the scenes of the photos alone."""
     found = []
     for v, photo in enumerate(solved.photos):
-        person = {
-            rows[v]: one.number
-            for one in everybody
-            if v in (rows := one.shown if one.solved else {**one.elsewhere, **one.shown})
-        }
+        person = {rows[v]: one.number for one in everybody if v in (rows := {**one.elsewhere, **one.shown})}
         errors = solved.errors[v][np.isfinite(solved.errors[v])]
         own = v == solved.reference
         found.append(
@@ -161,17 +153,15 @@ def _people(
     numbered = [(one, row) for row, one in enumerate(everybody) if one.number is not None]
     found = []
     for one, row in sorted(numbered, key=lambda pair: pair[0].number or 0):
-        views = one.shown if one.solved else {**one.elsewhere, **one.shown}
         person = reconstruction.people[row]
         found.append(
             ScenePerson(
-                views=tuple(photos[v].index for v in sorted(views)),
+                views=tuple(photos[v].index for v in sorted({**one.elsewhere, **one.shown})),
                 row=row,
                 moved=bool(one.elsewhere),
                 parameters=person.parameters,
                 vertices=person.vertices,
                 joints=person.joints,
-                elsewhere=tuple(photos[v].index for v in sorted(one.elsewhere)) if one.solved else (),
             )
         )
     return tuple(found)

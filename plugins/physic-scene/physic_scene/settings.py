@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from physic_core.types.bounds import NotNegative, Positive, Share
+from physic_core.types.bounds import Positive, Share
 from physic_scene.bundle import BundleSettings
 from physic_scene.energy import KeypointSettings
 from physic_scene.matching import MatchingSettings
@@ -18,14 +18,9 @@ class FitLimits:
         keypoint: largest median distance of a person's solved keypoints from those of a photo, as a share of the
             stature in px: the bound of ``view_keypoints``. Of 30 pairs of photos of a rig, right matches have up to
             0.032.
-        elsewhere: logarithm of the odds that a photo shows a person where the other photos do, before these are
-            compared. Of 33 moments of nine worlds in which everybody holds still, the largest evidence against it is 6.
-            Of 33 in which one person is 0.7 or 1 m off in one of three photos, 10 finds 24, and names the right person
-            in 23.
     """
 
     keypoint: Positive = 0.06
-    elsewhere: NotNegative = 10.0
 
 
 @dataclass(frozen=True)

@@ -118,9 +118,7 @@ class SolvedScene(ShortRepr):
         left_out: the other photos.
         reference: index into ``photos``.
         rows: (P, V) row of each solved person in each photo, -1 where not shown.
-        elsewhere: (P, V) row of each solved person in the photos that show them elsewhere, or in another pose, than the
-            photos of ``rows``; -1 otherwise.
-        moved: (M, V) the same as ``rows`` for people who moved between the photos, who are not solved.
+        moved: (M, V) the same as ``rows`` for people who are in different places or poses, who are not solved.
         observations: of the solved people.
         bundle: cameras and points.
         intrinsics: of each photo, solved.
@@ -138,7 +136,6 @@ class SolvedScene(ShortRepr):
     left_out: tuple[SkippedPhoto, ...]
     reference: int
     rows: IntArray
-    elsewhere: IntArray
     moved: IntArray
     observations: Observations
     bundle: Bundle
@@ -159,7 +156,7 @@ class SolvedScene(ShortRepr):
         kept = [v for v in range(len(photos)) if v not in skipped]
         chosen = [photos[v] for v in kept]
         people = [photo.people for photo in chosen]
-        rows, none = solution.people[:, kept], np.full((0, len(kept)), -1)
+        rows = solution.people[:, kept]
         observations = Observations.of(people, rows)
         bundle = Bundle(
             rotation=solution.rotation[kept],
@@ -174,15 +171,13 @@ class SolvedScene(ShortRepr):
             factor = sizes_by_cameras(observations, [bundle.pose(v) for v in range(len(kept))])
             alone = [np.mean([people[v].stature[row[v]] for v in np.flatnonzero(row >= 0)]) for row in rows]
             sizes = np.where(np.isfinite(statures), statures, factor * alone)
-        elsewhere, moved = solution.elsewhere, solution.moved
         index = [photo.index for photo in photos]
         return cls(
             photos=tuple(chosen),
             left_out=tuple(replace(one, index=index[one.index]) for one in solution.skipped),
             reference=kept.index(solution.reference),
             rows=rows,
-            elsewhere=np.full_like(rows, -1) if elsewhere is None else elsewhere[:, kept],
-            moved=none if moved is None else moved[:, kept],
+            moved=rows[:0] if solution.moved is None else solution.moved[:, kept],
             observations=observations,
             bundle=bundle,
             intrinsics=tuple(solution.intrinsics[v] for v in kept),

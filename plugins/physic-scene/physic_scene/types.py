@@ -39,12 +39,11 @@ class ScenePerson(ShortRepr):
     Attributes:
         views: index of the photos that show the person, as they were given.
         row: index in ``SceneResult.reconstruction.people``.
-        moved: whether the photos show the person in different poses or places. If no photos agree, the body is that of
-            the reference photo alone, or of the first photo that shows the person.
+        moved: whether the photos show the person in different poses or places. The body is then that of the reference
+            photo alone, or of the first photo that shows the person.
         parameters: body, a batch of one.
         vertices: (V, 3).
         joints: (55, 3).
-        elsewhere: index of the photos that differ from those of ``views``, whose body this is.
     """
 
     views: tuple[int, ...]
@@ -53,12 +52,11 @@ class ScenePerson(ShortRepr):
     parameters: BodyParameters
     vertices: FloatArray
     joints: FloatArray
-    elsewhere: tuple[int, ...] = ()
 
     @property
     def solved(self) -> bool:
         """Whether the body is that of several photos."""
-        return not self.moved or bool(self.elsewhere)
+        return len(self.views) > 1 and not self.moved
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from physic_scene.bundle import Bundle, BundleSettings, Observations, adjust, uncertainties
+from physic_scene.bundle import Bundle, Observations, adjust, uncertainties
 from physic_scene.cameras import keypoint_errors
-from physic_scene.elsewhere import likeliest_elsewhere
 from physic_scene.rigid import Pose, angle_deg, fit_rotation, mean_rotation
 
 WIDTH, FOCAL = 1000, 900.0
@@ -89,21 +88,6 @@ def test_known_cameras_stay_and_points_have_their_scale(moment):
     assert angle_deg(found.rotation[1], poses[1].rotation) < 1
     spread = [np.linalg.norm(x - x.mean(1, keepdims=True)) for x in (found.points, points)]
     assert spread[0] == pytest.approx(spread[1], rel=0.01)
-
-
-@pytest.mark.parametrize("moved_m", [0.0, 0.7])
-def test_a_photo_that_shows_a_person_elsewhere_is_found(moment, moved_m):
-    points, poses = moment
-    rng = np.random.default_rng(4)
-    seen, after = (
-        observations(p, poses, np.random.default_rng(2), noise_px=4.0)
-        for p in (points, points + moved_m * poses[2].rotation[0])
-    )
-    for name in ("points", "landmarks"):
-        getattr(seen, name)[2, 1] = getattr(after, name)[2, 1]
-    found = adjust(seen, Bundle.start(seen, rough(poses, rng)), 0)
-    one = likeliest_elsewhere(seen, found, 0, BundleSettings(), 10.0)
-    assert one == ((2, 1) if moved_m else None)
 
 
 def test_one_limb_of_wrong_keypoints_changes_little(moment):
