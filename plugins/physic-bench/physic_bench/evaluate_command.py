@@ -11,6 +11,7 @@ import click
 
 from physic_bench.datasets import DATA_SETS, data_set
 from physic_bench.wording import counted
+from physic_core.cli.arguments import AnyPath
 from physic_core.cli.output import echo
 from physic_core.errors import InputError, PhysicError
 
@@ -114,10 +115,16 @@ _COMMON = (
     ),
     click.Option(["--preset"], metavar="NAME", help="Reconstruct the pictures with this preset, and score that."),
     click.Option(
+        ["--config"],
+        metavar="FILE",
+        type=AnyPath(),
+        help="Reconstruct them with this TOML file, or as reconstruction.json of a run says, and score that.",
+    ),
+    click.Option(
         ["--set", "overrides"],
         metavar="KEY=VALUE",
         multiple=True,
-        help="Change one value of the preset's configuration.",
+        help="Change one value of the configuration.",
     ),
     click.Option(["--device"], metavar="NAME", default="", help="cpu, cuda or cuda:N."),
     click.Option(["--no-camera"], is_flag=True, help="Do not give the true camera to the pipeline."),
@@ -179,6 +186,7 @@ class _Given:
     results: tuple[str, ...]
     results_frame: tuple[str, ...]
     preset: str | None
+    config: Path | None
     overrides: tuple[str, ...]
     device: str
     no_camera: bool
@@ -193,6 +201,8 @@ class _Given:
 def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
     """Check everything that can be wrong before anything is computed; then reconstruct, score and write."""
     contact_cm = _thresholds(given.contact_cm)
+    if given.preset is not None and given.config is not None:
+        raise click.UsageError('--preset cannot be combined with --config: write extends = "NAME" into the file')
     if not given.root.is_dir():
         raise InputError(f"there is no folder {given.root}")
     missing = chosen.check(given.root, options, pictures=_reconstructs(given))
@@ -283,14 +293,14 @@ def _header(chosen: DataSet, options: Any, given: _Given, frames: int, total: in
 
 def _reconstructs(given: _Given) -> bool:
     """Whether the pictures are reconstructed."""
-    return given.preset is not None or not given.results
+    return given.preset is not None or given.config is not None or not given.results
 
 
 def _reconstruction(given: _Given) -> Reconstruction:
     from physic_bench.reconstruct import Reconstruction
 
     return Reconstruction(
-        given.preset, None, given.overrides, given.device, given.workers, with_camera=not given.no_camera
+        given.preset, given.config, given.overrides, given.device, given.workers, with_camera=not given.no_camera
     )
 
 
@@ -302,7 +312,7 @@ def _own_method(frames: tuple[Frame, ...], how: Reconstruction, out: Path, bodie
 
     folder = out / "reconstructions"
     failures = reconstruct(frames, folder, how, lambda text: echo(text, err=True))
-    name = f"physic {how.preset or 'embedded'}"
+    name = f"physic {how.preset or (how.config.stem if how.config else 'embedded')}"
     return Method(name, open_reader("physic", folder, bodies), failures=failures)
 
 

@@ -1,4 +1,4 @@
-"""``physic evaluate calibrated --preset``: pictures go through the batch, and a killed call is continued."""
+"""``physic evaluate calibrated --config``: pictures go through the batch, and a killed call is continued."""
 
 from __future__ import annotations
 
@@ -29,11 +29,13 @@ def test_a_killed_call_reconstructs_what_is_missing_alone(tmp_path: Path, monkey
         Image.fromarray(world.image).save(f"mine/{name}.png")
     camera = {"width": 160, "height": 120, "K": world.intrinsics.matrix.tolist()}
     Path("mine/truth.json").write_text(json.dumps([{"image": f"{n}.png", "joints": joints, **camera} for n in "ab"]))
-    arguments = ("calibrated", "mine", "-o", "out", "--preset", "mock", "--set", "engine.joint.optimiser.steps=2")
+    Path("quick.toml").write_text('extends = "mock"\n')
+    arguments = ("calibrated", "mine", "-o", "out", "--config", "quick.toml", "--set", "engine.joint.optimiser.steps=2")
+    assert "--preset cannot be combined with --config" in run(*arguments, "--preset", "mock").output
     done = run(*arguments)
     assert done.exit_code == 0, done.output
     assert "2 pictures: 2 to reconstruct, 0 done before" in done.output
-    first = figures(out, "physic mock")
+    first = figures(out, "physic quick")
     folders = [out / "reconstructions" / photo_folder(name) for name in ("a", "b")]
     found = load_reconstruction(str(folders[0])).people[0].joints[rows]
     apart_mm = 1000 * np.linalg.norm(found - world.joints[0, rows], axis=1).mean()
@@ -49,4 +51,4 @@ def test_a_killed_call_reconstructs_what_is_missing_alone(tmp_path: Path, monkey
     again = run(*arguments)
     assert "2 pictures: 1 to reconstruct, 1 done before" in again.output
     assert (folders[0] / "reconstruction.json").stat().st_mtime_ns == before
-    assert figures(out, "physic mock") == first
+    assert figures(out, "physic quick") == first
