@@ -19,8 +19,9 @@ from physic_core.batch.thumbnails import thumbnail_path
 from physic_core.errors import InputError, PhysicError
 from physic_core.files.atomic import atomic_write, check_writable
 from physic_core.files.own import check_own
+from physic_core.io.document import read_document
 from physic_core.io.result_folder import ARRAYS_FILE, DOCUMENT_FILE, PREVIEW_FILE, REPORT_FILE
-from physic_core.io.results import read_document, read_image
+from physic_core.io.results import read_image
 
 _MAX_PHOTOS = 5000
 """Most photos of one page, which then has about 60 MB."""

@@ -9,6 +9,7 @@ from typing import Any
 
 from physic_core.batch.thumbnails import thumbnail_path
 from physic_core.errors import InputError
+from physic_core.io.document import read_document
 from physic_core.io.result_folder import (
     ARRAYS_FILE,
     DOCUMENT_FILE,
@@ -18,7 +19,6 @@ from physic_core.io.result_folder import (
     digests_of_result,
     file_digest,
 )
-from physic_core.io.results import read_document
 from physic_core.io.saved_files import Saving
 
 _THUMBNAIL = "thumbnail"

@@ -13,7 +13,7 @@ from physic_core.cli.output import echo
 def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     if not wanted:
         return
-    from physic_core.cli.listing import format_table
+    from physic_core.cli.output import format_table
     from physic_core.discovery.catalog import EXPORTERS
     from physic_core.discovery.exporters import find_exporters
     from physic_core.discovery.installed import explain_absence

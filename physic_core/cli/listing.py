@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from physic_core.cli.output import format_table
 from physic_core.discovery.error_text import describe_error, traceback_text
 from physic_core.discovery.local_modules import split_folder
 from physic_core.discovery.readiness import Readiness, missing_requirements, readiness
@@ -103,8 +103,8 @@ def _missing_by_default(kind: type[Backend]) -> tuple[str, ...]:
 
 def _files(registry: Registry, offer: BackendOffer, kind: type[Backend]) -> list[str]:
     """List the paths of the weight sets in a backend's default options, or the folders that are searched."""
+    from physic_core.weights.find import locate_files
     from physic_core.weights.folders import describe_search_folders
-    from physic_core.weights.locate import locate_files
     from physic_core.weights.manifest import read_manifest
 
     lines = []
@@ -123,12 +123,6 @@ def _files(registry: Registry, offer: BackendOffer, kind: type[Backend]) -> list
                 searched = f"'{name}' is missing; searched: {describe_search_folders(name)}"
                 lines.append(", ".join(map(str, found)) if complete else searched)
     return list(dict.fromkeys(lines))
-
-
-def format_table(rows: Sequence[tuple[str, ...]]) -> str:
-    """Format rows of text as a table with aligned columns."""
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]) - 1)]
-    return "\n".join("  ".join([*(f"{t:<{w}}" for t, w in zip(row, widths, strict=False)), row[-1]]) for row in rows)
 
 
 def _as_dict(registry: Registry, offer: BackendOffer) -> dict[str, Any]:

@@ -13,8 +13,7 @@ from typing import Any
 
 import click
 
-from physic_core.cli.listing import format_table
-from physic_core.cli.output import echo, echo_json
+from physic_core.cli.output import echo, echo_json, format_table
 from physic_core.files.strict_json import from_json
 from physic_core.io.records import from_record, from_records
 from physic_core.io.result_folder import REPORT_FILE
@@ -46,7 +45,7 @@ def print_summary(folder: Path, *, verbose: bool = False, as_json: bool = False,
     Raises:
         InputError: its ``reconstruction.json`` is missing, damaged, edited, or of another schema version.
     """
-    from physic_core.io.results import read_document
+    from physic_core.io.document import read_document
 
     document = read_document(folder)
     if as_json:

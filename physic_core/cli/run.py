@@ -17,7 +17,6 @@ import click
 from physic_core.cli.arguments import AnyPath, SavedFiles, configuration_options, one_photo
 from physic_core.cli.output import echo
 from physic_core.cli.output_folder import reserve_folder
-from physic_core.cli.result_summary import print_summary
 from physic_core.cli.run_messages import collect_plugin_messages, print_messages, show_progress
 
 if TYPE_CHECKING:
@@ -169,6 +168,8 @@ def run(
     else:
         print_messages(messages, verbose)
     if as_json or not quiet:
+        from physic_core.cli.result_summary import print_summary
+
         print_summary(folder, verbose=verbose, as_json=as_json)
     if not quiet and not result.intrinsics.known:
         echo(_focal_advice(result.intrinsics.focal_sigma), err=True)

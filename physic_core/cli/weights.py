@@ -8,8 +8,7 @@ import click
 
 from physic_core.cli.exit_codes import WEIGHTS
 from physic_core.cli.groups import ExtensibleGroup
-from physic_core.cli.listing import format_table
-from physic_core.cli.output import echo, echo_json
+from physic_core.cli.output import echo, echo_json, format_table
 
 if TYPE_CHECKING:
     from physic_core.weights.library import ListedWeights, WeightLibrary
@@ -81,7 +80,7 @@ def verify(ctx: click.Context, names: tuple[str, ...], as_json: bool) -> None:
     A file without a published SHA-256 is compared with that of the lock file. Exits with code 4 if a file differs, or
     if a file of a set NAME is missing.
     """
-    from physic_core.weights.locate import locate_files
+    from physic_core.weights.find import locate_files
     from physic_core.weights.lock import locked
     from physic_core.weights.verify import describe_mismatch
 
@@ -127,8 +126,8 @@ def verify(ctx: click.Context, names: tuple[str, ...], as_json: bool) -> None:
 def where(name: str, file: str | None) -> None:
     """Print only the path of the weight set NAME, or of its FILE."""
     from physic_core.discovery.plugins import discover
+    from physic_core.weights.find import find_weights
     from physic_core.weights.library import read_library
-    from physic_core.weights.locate import find_weights
 
     manifests = discover().manifests
     one = read_library(manifests).get(name)
@@ -150,7 +149,7 @@ def _echo_row(row: dict[str, str]) -> None:
 
 def _state(one: ListedWeights) -> str:
     """Return whether a weight set is missing, incomplete or present; compares sizes, not hashes."""
-    from physic_core.weights.locate import locate_files
+    from physic_core.weights.find import locate_files
 
     here = locate_files(one.weights)
     if not here.files:
@@ -162,8 +161,8 @@ def _state(one: ListedWeights) -> str:
 
 
 def _details(one: ListedWeights) -> str:
+    from physic_core.weights.find import locate_files
     from physic_core.weights.folders import describe_search_folders
-    from physic_core.weights.locate import locate_files
 
     found, here = one.weights, locate_files(one.weights)
     state = _state(one)
@@ -184,7 +183,7 @@ def _details(one: ListedWeights) -> str:
 def _as_dict(one: ListedWeights) -> dict[str, Any]:
     from dataclasses import asdict
 
-    from physic_core.weights.locate import locate_files
+    from physic_core.weights.find import locate_files
 
     here = locate_files(one.weights).files
     table = asdict(one.weights)
@@ -194,6 +193,6 @@ def _as_dict(one: ListedWeights) -> dict[str, Any]:
 
 
 def _size(size: int | None) -> str:
-    from physic_core.weights.locate import format_size
+    from physic_core.weights.find import format_size
 
     return format_size(size) or "-"

@@ -14,7 +14,6 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from physic_core.configuration.problems import config_error, did_you_mean
 from physic_core.configuration.quoting import printable, quoted, shorten
 from physic_core.configuration.values import InvalidTextError, check_values, parse_toml
 from physic_core.discovery.local_modules import with_folder
@@ -105,6 +104,8 @@ def merge_layers(layers: Iterable[SettingsLayer]) -> tuple[dict[str, Any], dict[
     sources: dict[str, str] = {}
     for label, table in layers:
         if problems := check_values(table):
+            from physic_core.configuration.problem_text import config_error
+
             raise config_error(problems, lambda _, label=label: label, label)  # type: ignore[misc]
         _merge(merged, table, label, sources)
     return merged, sources
@@ -127,6 +128,8 @@ def _presets() -> Any:
 
 def _read_preset(name: str) -> list[SettingsLayer]:
     if name not in preset_names():
+        from physic_core.discovery.close_names import did_you_mean
+
         names = preset_names()
         raise ConfigError(f"no preset named '{_show(name)}'; there are: {', '.join(names)}{did_you_mean(name, names)}")
     table = parse_toml((_presets() / f"{name}.toml").read_text(encoding="utf-8"))
@@ -200,6 +203,8 @@ def _read_result(path: Path) -> dict[str, Any]:
             f"{_show(path)} holds no configuration: name the reconstruction.json of a run, or a TOML file"
         )
     if problems := check_values(table):  # from_json is recursive
+        from physic_core.configuration.problem_text import config_error
+
         raise config_error(problems, lambda _: str(path), str(path))
     numbers: dict[str, Any] = from_json(table)
     return numbers

@@ -40,7 +40,7 @@ from physic_core.configuration.layers import (
     read_layers,
     source_of,
 )
-from physic_core.configuration.problems import Problem, ProblemReport, config_error, problems_from_pydantic
+from physic_core.configuration.problems import Problem, ProblemReport
 from physic_core.configuration.quoting import quoted
 from physic_core.engine.settings import EngineSettings, with_overrides
 from physic_core.errors import ConfigError
@@ -341,6 +341,8 @@ class Config(_Table):
         try:
             return self.model_copy(update={"photo": PhotoSettings.model_validate(merged["photo"])})
         except ValidationError as error:
+            from physic_core.configuration.problem_text import config_error, problems_from_pydantic
+
             problems = problems_from_pydantic(error, PhotoSettings, "photo")
             raise config_error(problems, lambda _: label, label, "") from error
 
@@ -430,8 +432,12 @@ def _validate_layers(
     try:
         config = Config.model_validate(merged)
     except ValidationError as error:
+        from physic_core.configuration.problem_text import problems_from_pydantic
+
         problems = problems_from_pydantic(error, Config) + problems
     if problems:
+        from physic_core.configuration.problem_text import config_error
+
         raise config_error(problems, lambda path: source_of(sources, path), title, found.footer) from found.cause
     config._sources = sources
     return config
@@ -464,6 +470,8 @@ def _check_engine(engine: Any) -> list[Problem]:
             try:
                 table.model_validate(engine[stage])
             except ValidationError as error:
+                from physic_core.configuration.problem_text import problems_from_pydantic
+
                 problems += problems_from_pydantic(error, table, f"engine.{stage}", "setting")
     return problems
 

@@ -14,14 +14,7 @@ from pydantic import BaseModel, ValidationError
 
 from physic_core.adapters.devices import check_device
 from physic_core.configuration.model import load_config
-from physic_core.configuration.problems import (
-    Problem,
-    ProblemReport,
-    config_error,
-    did_you_mean,
-    problems_from_pydantic,
-)
-from physic_core.discovery.error_text import describe_error
+from physic_core.configuration.problems import Problem, ProblemReport
 from physic_core.discovery.offers import GIVEN_IN_PYTHON, BackendOffer
 from physic_core.discovery.plugin_code import plugin_code
 from physic_core.discovery.readiness import has_gpu, missing_requirements
@@ -139,6 +132,8 @@ def resolve_one(interface: str, name: str, options: Mapping[str, object], regist
     _require_interface(interface)
     chosen, found = _select_backends({interface: {"backend": name, "options": dict(options)}}, registry)
     if found.problems:
+        from physic_core.configuration.problem_text import config_error
+
         raise config_error(found.problems, lambda _: "default", "load_backend", found.footer) from found.cause
     if interface not in chosen:
         raise ConfigError(f"load_backend: name a backend of {interface}, one of {', '.join(registry.names(interface))}")
@@ -207,7 +202,7 @@ def size_warnings(plan: ResolvedPipeline, registry: Registry) -> tuple[str, ...]
     Raises:
         BackendError: the manifest of a plugin is invalid.
     """
-    from physic_core.weights.locate import size_mismatches
+    from physic_core.weights.find import size_mismatches
 
     mismatches = ((weights.name, size_mismatches(weights)) for weights in named_weights(plan, registry))
     return tuple(f"weights '{name}' are found, but {text}" for name, text in mismatches if text)
@@ -277,12 +272,16 @@ def _select_or_raise(config: Config, registry: Registry, without: tuple[str, ...
     tables = {name: config.choice(name).model_dump() for name in INTERFACES if name not in without}
     chosen, found = _select_backends(tables, registry)
     if found.problems:
+        from physic_core.configuration.problem_text import config_error
+
         raise config_error(found.problems, config.source, "config", found.footer) from found.cause
     return chosen
 
 
 def _require_interface(name: str) -> None:
     if name not in INTERFACES:
+        from physic_core.discovery.close_names import did_you_mean
+
         hint = did_you_mean(name, INTERFACES)
         raise ConfigError(f"backends: no interface named '{name}'; there are: {', '.join(INTERFACES)}{hint}")
 
@@ -364,6 +363,8 @@ def _check_options(offer: BackendOffer, kind: type[Backend], options: Mapping[st
     try:
         return _Choice(offer, kind, kind.Options.model_validate(dict(options)))
     except ValidationError as error:
+        from physic_core.configuration.problem_text import problems_from_pydantic
+
         path = f"{offer.record.interface}.options"
         raise _InvalidOptions(problems_from_pydantic(error, kind.Options, path, "option")) from error
 
@@ -376,6 +377,8 @@ def _construct(interface: str, choice: _Choice) -> ResolvedBackend:
     except PhysicError:
         raise
     except Exception as cause:  # a plugin may raise anything
+        from physic_core.discovery.error_text import describe_error
+
         raise BackendError(f"{choice.offer} cannot be constructed: {describe_error(cause, choice.kind)}") from cause
     return ResolvedBackend(
         backend,

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
-from physic_core.discovery.error_text import describe_error
 from physic_core.discovery.offers import BackendOffer, BrokenPlugin, Manifest, Origin, backend_record_problem
 from physic_core.discovery.records import RECORD_HOOKS
 from physic_core.discovery.registration import (
@@ -99,4 +98,6 @@ def origin_of(entry: EntryPoint, seconds: float = 0.0) -> Origin:
 def _broken(origin: Origin, error: Exception, title: str = "") -> BrokenPlugin:
     if isinstance(error, InvalidPluginError):
         return BrokenPlugin(origin, str(error), error)
+    from physic_core.discovery.error_text import describe_error
+
     return BrokenPlugin(origin, f"{title}{describe_error(error, origin.plugin)}", error)

@@ -6,7 +6,6 @@ import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from physic_core.discovery.close_names import closest_name
 from physic_core.discovery.local_modules import TARGET
 
 if TYPE_CHECKING:
@@ -98,6 +97,8 @@ def backend_record_problem(record: BackendRecord, origin: Origin) -> str:
     from physic_core.interfaces import INTERFACES
 
     if record.interface not in INTERFACES:
+        from physic_core.discovery.close_names import closest_name
+
         close = closest_name(str(record.interface), INTERFACES)
         hint = f"did you mean '{close}'?" if close else f"there are: {', '.join(INTERFACES)}"
         return f"no interface named '{record.interface}'; {hint}"

@@ -10,7 +10,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from physic_core.discovery.error_text import describe_error
 from physic_core.discovery.local_modules import split_folder
 from physic_core.discovery.plugin_code import plugin_code
 from physic_core.errors import BackendError, PhysicError, WeightsMissingError
@@ -123,6 +122,8 @@ def missing_requirements(backend: Backend) -> tuple[str, ...]:
     except PhysicError:
         raise
     except Exception as error:
+        from physic_core.discovery.error_text import describe_error
+
         raise BackendError(f"missing() fails: {describe_error(error, type(backend))}") from error
     if not isinstance(messages, (tuple, list)) or not all(isinstance(text, str) for text in messages):
         raise BackendError(f"missing() must return a tuple of texts, got {messages!r}")

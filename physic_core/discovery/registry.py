@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.discovery import local_modules
 from physic_core.discovery.catalog import CATALOG, distribution_for, how_to_install, known_names
-from physic_core.discovery.close_names import closest_name
-from physic_core.discovery.error_text import describe_error
 from physic_core.discovery.local_modules import TARGET
 from physic_core.discovery.offers import (
     NAMED_IN_CONFIG,
@@ -207,6 +205,8 @@ class Registry:
 
     def _explain_missing(self, kind: str, name: str, names: tuple[str, ...], interface: str | None) -> str:
         """Return a message with the reason why a backend is missing, and the remedy; interface None means any."""
+        from physic_core.discovery.close_names import closest_name
+
         owner, _, bare = name.rpartition(":")
         owners = dict.fromkeys(
             c.origin.distribution for c in self if c.record.name == bare and interface in (None, c.record.interface)
@@ -238,6 +238,8 @@ class Registry:
 
     def _explain_distribution(self, distribution: str, name: str) -> list[str]:
         """Return the reason why the distribution in "distribution:name" offers no such backend, and the remedy."""
+        from physic_core.discovery.close_names import closest_name
+
         owner = canonicalize_name(distribution)
         if any(canonicalize_name(broken.origin.distribution) == owner for broken in self.broken):
             return []  # the list of broken plugins has the reason
@@ -310,6 +312,8 @@ def _import_target(target: str, title: str, origin: Origin) -> object:
         advice = _advice(origin, folder, module, cause)
         named_wrong = found is not None or _is_not_found(module, cause)
         kind = BackendNotFoundError if origin in (NAMED_IN_CONFIG, UNREGISTERED_CLASS) and named_wrong else BackendError
+        from physic_core.discovery.error_text import describe_error
+
         raise kind(f"{title}: {describe_error(cause, module, origin.plugin)}{advice}") from cause
     return found
 

@@ -11,15 +11,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.errors import InputError
+from physic_core.files.regular import read_regular
 from physic_core.files.strict_json import parse_json, to_json
 from physic_core.geometry.upright import gltf_from_camera
 from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS, ArraySpec
 from physic_core.io.records import to_record
-from physic_core.io.result_folder import SCHEMA
+from physic_core.io.result_folder import DOCUMENT_FILE, MAX_DOCUMENT_BYTES, SCHEMA
 from physic_core.io.schema_file import schema_fault
 from physic_core.types import Skeleton
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from physic_core.types import CameraView, Person, Reconstruction
 
 SCHEMA_VERSION = 5
@@ -99,32 +102,38 @@ def encode_document(document: Mapping[str, Any]) -> bytes:
     return (text + "\n").encode("utf-8", "backslashreplace")
 
 
-def decode_document(content: bytes, name: str) -> dict[str, Any]:
-    """Decode and validate ``reconstruction.json``: version, and kind of every entry; NaN and infinities stay strings.
-
-    Args:
-        content: bytes of the file.
-        name: of the file, for error messages.
+def read_document(folder: Path) -> dict[str, Any]:
+    """Read ``reconstruction.json`` of a folder and verify version and entries; NaN and infinities stay strings.
 
     Raises:
-        InputError: the file is damaged, is not a reconstruction, or has another schema version.
+        InputError: it is missing, damaged, not a reconstruction, or of another schema version.
     """
+    path = folder / DOCUMENT_FILE
     try:
-        document = parse_json(content)
+        document = parse_json(read_regular(path, MAX_DOCUMENT_BYTES))
+    except OSError as error:
+        raise unreadable(path, error) from error
     except ValueError as error:
-        raise InputError(f"cannot read {name}: it is not JSON ({error}); run the reconstruction again") from error
+        raise InputError(f"cannot read {path}: it is not JSON ({error}); run the reconstruction again") from error
     if not isinstance(document, dict) or document.get("schema") != SCHEMA:
         raise InputError(
-            f"cannot read {name}: it does not describe a reconstruction; name the folder of a finished run"
+            f"cannot read {path}: it does not describe a reconstruction; name the folder of a finished run"
         )
     if document.get("schema_version") != SCHEMA_VERSION:
         raise InputError(
-            f"cannot read {name}: its schema version is {reprlib.repr(document.get('schema_version'))}, and this "
+            f"cannot read {path}: its schema version is {reprlib.repr(document.get('schema_version'))}, and this "
             f"PhySIC reads {SCHEMA_VERSION}; load it with the PhySIC that wrote it, or run the reconstruction again"
         )
     if fault := schema_fault(document):
-        raise InputError(f"cannot read {name}: {fault}; run the reconstruction again")
+        raise InputError(f"cannot read {path}: {fault}; run the reconstruction again")
     return document
+
+
+def unreadable(path: Path, error: OSError) -> InputError:
+    """Return the error of a file of a result that cannot be read."""
+    if isinstance(error, FileNotFoundError | NotADirectoryError):
+        return InputError(f"cannot read {path}: there is no such file; name the folder of a finished run")
+    return InputError(f"cannot read {path}: {error.strerror}; check who may read it")
 
 
 def parse_skeleton(document: Mapping[str, Any]) -> Skeleton | str:

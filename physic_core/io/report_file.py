@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 from physic_core.errors import InputError
 from physic_core.files.atomic import atomic_write, check_writable
 from physic_core.files.own import check_own, write_own
-from physic_core.io.document import encode_document
+from physic_core.io.document import encode_document, read_document
 from physic_core.io.result_folder import DOCUMENT_FILE, REPORT_FILE, digest_of
-from physic_core.io.results import load_reconstruction, read_document
 from physic_core.visual.report import PAGE_MARK, report_html
 
 if TYPE_CHECKING:
@@ -57,8 +56,12 @@ def add_report(folder: str | os.PathLike[str], reconstruction: Reconstruction | 
     if not is_result(folder):
         raise InputError(f"no result in {folder}: name the folder of a finished run, or a folder of such folders")
     check_own(folder / REPORT_FILE, mark=PAGE_MARK)
+    shown = reconstruction
     try:
-        shown = load_reconstruction(folder) if reconstruction is None else reconstruction
+        if shown is None:
+            from physic_core.io.results import load_reconstruction
+
+            shown = load_reconstruction(folder)
     except InputError as error:
         _add_files(folder, {REPORT_FILE: report_html(error, title).encode()})
         raise

@@ -11,7 +11,7 @@ import numpy as np
 
 from physic_core.errors import InputError
 from physic_core.files.npz import MAX_ARRAY_BYTES, read_arrays, read_headers
-from physic_core.files.regular import open_regular, read_regular
+from physic_core.files.regular import open_regular
 from physic_core.files.strict_json import from_json
 from physic_core.io.arrays import (
     CAMERA_ARRAYS,
@@ -28,15 +28,11 @@ from physic_core.io.compact import (
     is_compact,
     is_kept_without_scene,
 )
-from physic_core.io.document import (
-    decode_document,
-    parse_skeleton,
-)
+from physic_core.io.document import parse_skeleton, read_document, unreadable
 from physic_core.io.records import from_record, from_records
 from physic_core.io.result_folder import (
     ARRAYS_FILE,
     DOCUMENT_FILE,
-    MAX_DOCUMENT_BYTES,
     PEOPLE_FILE,
     file_digest,
 )
@@ -103,20 +99,6 @@ def load_people(folder: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
     return _arrays(folder, read_document(folder), file=PEOPLE_FILE)
 
 
-def read_document(folder: Path) -> dict[str, Any]:
-    """Read ``reconstruction.json`` of a folder and verify it; NaN and infinities stay strings.
-
-    Raises:
-        InputError: it is missing, damaged, or of another schema version.
-    """
-    path = folder / DOCUMENT_FILE
-    try:
-        content = read_regular(path, MAX_DOCUMENT_BYTES)
-    except OSError as error:
-        raise _unreadable(path, error) from error
-    return decode_document(content, str(path))
-
-
 def read_image(folder: Path) -> NDArray[np.uint8]:
     """Read the image (H, W, 3) uint8 of a result alone; its arrays are verified as by :func:`load_reconstruction`.
 
@@ -141,12 +123,6 @@ def _brief(error: Exception) -> str:
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
-def _unreadable(path: Path, error: OSError) -> InputError:
-    if isinstance(error, FileNotFoundError | NotADirectoryError):
-        return InputError(f"cannot read {path}: there is no such file; name the folder of a finished run")
-    return InputError(f"cannot read {path}: {error.strerror}; check who may read it")
-
-
 def _arrays(
     folder: Path, document: Mapping[str, Any], only: Sequence[str] | None = None, file: str = ARRAYS_FILE
 ) -> dict[str, NDArray[Any]]:
@@ -160,7 +136,7 @@ def _arrays(
         with open_regular(path) as stream:
             return _verified_arrays(stream, path, document, only)
     except OSError as error:
-        raise _unreadable(path, error) from error
+        raise unreadable(path, error) from error
 
 
 def _verified_arrays(

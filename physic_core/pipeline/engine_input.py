@@ -10,7 +10,6 @@ import torch
 
 from physic_core.body.landmarks import keypoints_on_body
 from physic_core.body.parameters import rotations_from_parameters
-from physic_core.engine.contact.objects import HeldObjects
 from physic_core.engine.contact.problem import ContactInput
 from physic_core.engine.contact.scene_parts import ClassifiedPoints
 from physic_core.engine.joint.problem import JointProblem
@@ -20,7 +19,6 @@ from physic_core.engine.placement.lifted_feet import depth_gaps_at_feet
 from physic_core.engine.placement.solve import EstimatedBodies, PlacementInput
 from physic_core.engine.scene.camera import Cameras
 from physic_core.engine.scene.solve import SceneInput
-from physic_core.engine.sizes import scale_scene_to_known_sizes
 from physic_core.geometry.tensors import optional_tensors, select_pixels, tensors
 from physic_core.pipeline.floor_choice import floor_evidence
 from physic_core.pipeline.person_measures import depth_ratios
@@ -31,10 +29,11 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel
     from physic_core.engine.contact.method import ContactMethod
+    from physic_core.engine.contact.objects import HeldObjects
     from physic_core.engine.joint.problem import JointResult, OtherView
     from physic_core.engine.placement.solve import PlacedPeople
     from physic_core.engine.scene.solve import SceneState
-    from physic_core.engine.sizes import KnownScene
+    from physic_core.engine.sizes.known_sizes import KnownScene
     from physic_core.pipeline.estimate import Estimates
     from physic_core.types import Intrinsics
 
@@ -136,6 +135,8 @@ def sized_scene(estimates: Estimates, masks: Tensor, scene: SceneState) -> Known
     """
     if not estimates.known:
         return None
+    from physic_core.engine.sizes.known_sizes import scale_scene_to_known_sizes
+
     people = len(estimates.people)
     statures = [math.nan] * people if estimates.statures is None else estimates.statures.tolist()
     return scale_scene_to_known_sizes(estimates.known, statures, masks, scene)
@@ -277,6 +278,8 @@ def _held_objects(problem: JointProblem, result: JointResult, masks: Tensor) -> 
     """Return the objects in the photo; None without any, or if their depth is unknown."""
     if not len(masks) or problem.human_depth is None:
         return None
+    from physic_core.engine.contact.objects import HeldObjects
+
     depth = problem.human_depth * result.scene_scale
     ratios = [torch.nan if one is None else 1 / one for one in depth_ratios(problem, result)]
     return HeldObjects(masks.to(depth.device), depth, result.vertices.new_tensor(ratios), problem.K)

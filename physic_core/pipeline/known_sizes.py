@@ -9,12 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body.posture import standing_legs
-from physic_core.engine.sizes import (
-    CONTRADICTION,
-    FACTOR_SPREAD,
-    STATURES_M,
-    stature_sigmas,
-)
+from physic_core.engine.sizes import stature_sigmas
+from physic_core.engine.sizes.people_in_scene import CONTRADICTION, FACTOR_SPREAD, STATURES_M
 from physic_core.errors import ConfigError
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.pipeline.checks.specs import CHECKS
@@ -28,7 +24,7 @@ if TYPE_CHECKING:
     from physic_core.engine.joint.problem import JointProblem, JointResult
     from physic_core.engine.placement.solve import EstimatedBodies, PlacedPeople
     from physic_core.engine.scene.solve import SceneState
-    from physic_core.engine.sizes import KnownGeometry, KnownScene
+    from physic_core.engine.sizes.known_sizes import KnownGeometry, KnownScene
     from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.solution import Solution
     from physic_core.types import FloatArray, KnownSizes

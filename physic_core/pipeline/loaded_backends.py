@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from physic_core import errors
 from physic_core.adapters.devices import check_device
 from physic_core.configuration.resolve import resolve_one
-from physic_core.discovery.error_text import describe_error, message_of
 from physic_core.discovery.plugin_code import plugin_code, plugin_error
 from physic_core.discovery.plugins import discover
 from physic_core.errors import BackendError, PhysicError
@@ -99,8 +98,12 @@ def wrap_plugin_errors(title: str, resolved: ResolvedBackend) -> Iterator[None]:
         with plugin_code():
             yield
     except PhysicError as error:
+        from physic_core.discovery.error_text import message_of
+
         kind = type(error)
         known = kind if kind.__module__ == errors.__name__ else BackendError  # other classes may need other arguments
         raise known(f"{title}: {message_of(error)}") from error
     except Exception as cause:
+        from physic_core.discovery.error_text import describe_error
+
         raise BackendError(f"{title}: {describe_error(cause, type(resolved.backend))}") from plugin_error(cause)

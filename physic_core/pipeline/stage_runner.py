@@ -13,7 +13,6 @@ from functools import partial
 from typing import TYPE_CHECKING, cast
 
 from physic_core.cache.network_results import network_results_in
-from physic_core.discovery.error_text import traceback_text
 from physic_core.errors import BackendOutputError, PhysicError
 from physic_core.interfaces.backend import Result, call, contract_violations, interface_of
 from physic_core.interfaces.checks import require_image
@@ -201,6 +200,8 @@ def _copy(result: object) -> object:
 
 def _print_traceback(error: Exception) -> None:
     """Print a traceback on stderr if ``PHYSIC_DEBUG`` is set."""
+    from physic_core.discovery.error_text import traceback_text
+
     if trace := traceback_text(error):
         sys.stderr.write(trace)
 

@@ -13,7 +13,24 @@ These places are searched, in this order:
 
 from __future__ import annotations
 
-from physic_core.weights.locate import fingerprint, locate, missing
-from physic_core.weights.manifest import WeightFile, WeightSet, read_manifest
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from physic_core.weights.find import fingerprint, locate, missing
+    from physic_core.weights.manifest import WeightFile, WeightSet, read_manifest
 
 __all__ = ["WeightFile", "WeightSet", "fingerprint", "locate", "missing", "read_manifest"]
+
+
+_MODULES = {
+    **dict.fromkeys(("fingerprint", "locate", "missing"), "find"),
+    **dict.fromkeys(("WeightFile", "WeightSet", "read_manifest"), "manifest"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a name at its first use: a photo with the networks that are shipped needs none."""
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)

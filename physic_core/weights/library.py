@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from physic_core.discovery.close_names import format_choice, similar_names
 from physic_core.discovery.offers import canonicalize_name
 from physic_core.errors import ConfigError, PhysicError
-from physic_core.weights.locate import missing
+from physic_core.weights.find import missing
 from physic_core.weights.manifest import WeightSet, read_manifest
 
 if TYPE_CHECKING:

@@ -14,12 +14,14 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from physic_core.cache.folders import cache_folder
 from physic_core.errors import WeightsMissingError
-from physic_core.weights.manifest import HubSource, WeightFile, WeightSet
 from physic_core.weights.verify import sha256_of
+
+if TYPE_CHECKING:
+    from physic_core.weights.manifest import WeightFile, WeightSet
 
 LOCK_VARIABLE = "PHYSIC_LOCK"
 """Environment variable with the path of the lock file."""
@@ -96,6 +98,8 @@ def record_use(name: str, path: Path, published: str | None) -> None:
 
 
 def _locked(file: WeightFile, entry: Mapping[str, str]) -> WeightFile:
+    from physic_core.weights.manifest import HubSource
+
     if file.is_pinned or not entry:
         return file
     origin, revision = file.origin, entry.get("revision")

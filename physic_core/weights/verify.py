@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from physic_core.errors import BackendError
-from physic_core.weights.manifest import WeightFile
 
 if TYPE_CHECKING:
     from io import BufferedReader
+
+    from physic_core.weights.manifest import WeightFile
 
 
 def describe_mismatch(path: Path, file: WeightFile) -> str:

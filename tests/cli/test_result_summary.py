@@ -12,7 +12,7 @@ import pytest
 
 from physic_core import Reconstruction, save_reconstruction
 from physic_core.cli.result_summary import summary_record, summary_text
-from physic_core.io.results import read_document
+from physic_core.io.document import read_document
 from physic_core.types import BodyContact, CheckResult, CheckState, ContactPartner, Grade, Support, UnposedPerson
 
 

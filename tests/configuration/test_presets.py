@@ -201,7 +201,7 @@ def place(written: tuple[Path, Place], world: World, tmp_path: Path, monkeypatch
     monkeypatch.setenv("PHYSIC_WEIGHTS", str(written[0]))
     # Stand-ins have the names of the published files, and other contents.
     monkeypatch.setattr(
-        import_module("physic_core.weights.locate"), "require_published_sha256", lambda path, file, advice: None
+        import_module("physic_core.weights.find"), "require_published_sha256", lambda path, file, advice: None
     )
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)

@@ -12,7 +12,7 @@ from physic_core.engine.placement.detections import ObservedPeople
 from physic_core.engine.placement.human_points import PhotoPoints
 from physic_core.engine.placement.solve import EstimatedBodies, PlacementInput, solve_placement
 from physic_core.engine.scene.solve import SceneState
-from physic_core.engine.sizes import KnownDistances, KnownGeometry, KnownScene, scale_scene
+from physic_core.engine.sizes.known_sizes import KnownDistances, KnownGeometry, KnownScene, scale_scene
 from physic_core.geometry.alignment import Alignment
 from physic_core.geometry.camera import pixel_rays
 from physic_core.geometry.floor import PlaneFit

@@ -17,7 +17,10 @@ from physic_core import InputError, KnownLength, KnownSizes, Reconstruction, loa
 from physic_core.body import load_body
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
 from physic_core.cli import main
-from physic_core.engine.sizes import KnownDistances, KnownGeometry, betas_with_stature, stature_factor, vertices_at_ray
+from physic_core.engine.sizes import betas_with_stature
+from physic_core.engine.sizes.body_points import vertices_at_ray
+from physic_core.engine.sizes.known_sizes import KnownDistances, KnownGeometry
+from physic_core.engine.sizes.people_in_scene import stature_factor
 from physic_core.errors import ConfigError
 from physic_core.pipeline.known_people import bodies_of_stature, known_people
 from physic_core.types import Bodies, People

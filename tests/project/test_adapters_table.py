@@ -45,7 +45,7 @@ def test_records_name_the_weights_that_their_defaults_read(
 ) -> None:
     for name in ("PHYSIC_WEIGHTS", "XDG_CACHE_HOME", "HF_HOME", "HF_HUB_CACHE"):
         monkeypatch.setenv(name, str(tmp_path / name.lower()))
-    monkeypatch.setattr(importlib.import_module("physic_core.weights.locate"), "find_in_hub_cache", lambda file: None)
+    monkeypatch.setattr(importlib.import_module("physic_core.weights.find"), "find_in_hub_cache", lambda file: None)
     for record in records:
         module, _, kind = record.target.partition(":")
         lacks = " ".join(getattr(importlib.import_module(module), kind)().missing())

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import torch
@@ -24,7 +24,6 @@ from physic_core.engine.contact.distance import (
     SurfaceDistances,
     surface_distances,
 )
-from physic_core.engine.contact.objects import ObjectDistances, object_distances
 from physic_core.engine.contact.problem import ContactInput
 from physic_core.engine.contact.scene_parts import SceneParts, scene_parts
 from physic_core.engine.contact.skin import OWN_RADIUS_M, SkinDistances, own_distances, people_distances
@@ -33,6 +32,9 @@ from physic_core.engine.placement.lifted_feet import MIN_FOOT_GAP
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.plane import height_over_plane
 from physic_core.types.skeletons import SIDES
+
+if TYPE_CHECKING:
+    from physic_core.engine.contact.objects import ObjectDistances
 
 KINDS = ("scene", "person", "own body", "object")
 """What a vertex may touch; floor and scene are one kind."""
@@ -88,7 +90,11 @@ def measure_distances(given: ContactInput, measure: DistanceMeasure, *, skin: bo
         own = own_distances(vertices, normals, model.outer, model.part_of_vertex, rest, OWN_RADIUS_M)
     else:
         people = own = SkinDistances.none(vertices)
-    objects = None if given.objects is None else object_distances(vertices, given.objects, SEARCH_RADIUS_M)
+    objects = None
+    if given.objects is not None:
+        from physic_core.engine.contact.objects import object_distances
+
+        objects = object_distances(vertices, given.objects, SEARCH_RADIUS_M)
     return Distances(normals, surface, parts, people, own, objects)
 
 

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
 from physic_core.body.model import BodyModel
 from physic_core.engine.contact.distance import ContactSurfaces
-from physic_core.engine.contact.objects import HeldObjects
 from physic_core.engine.contact.scene_parts import ClassifiedPoints
 from physic_core.engine.limbs import observed_parts
 from physic_core.types.contacts import BodyContact, ContactPartner
 from physic_core.types.skeletons import SIDES
 from physic_core.types.support import Support
+
+if TYPE_CHECKING:
+    from physic_core.engine.contact.objects import HeldObjects
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,6 @@ from physic_core.engine.joint.precompute import precompute
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.state import Estimate
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
-from physic_core.engine.joint.terms.known_sizes import KnownSizeTerm
 from physic_core.engine.joint.terms.views import ViewsTerm
 from physic_core.engine.joint.visibility import OcclusionTracker, Visibility
 from physic_core.errors import PhysicError
@@ -55,8 +54,11 @@ class JointEnergy:
         self.person_weights = settings.weigh_people(problem)
         self._people = None if bool((self.person_weights == 1).all()) else self.person_weights
         # What the user knows holds in every energy.
-        known = () if problem.known is None else (KnownSizeTerm(self.context),)
-        self.terms = (*settings.terms(self.context, self.state), *known)
+        self.terms = tuple(settings.terms(self.context, self.state))
+        if problem.known is not None:
+            from physic_core.engine.joint.terms.known_sizes import KnownSizeTerm
+
+            self.terms = (*self.terms, KnownSizeTerm(self.context))
         if problem.views and not any(isinstance(term, ViewsTerm) for term in self.terms):
             raise PhysicError("only preset 'default' of the engine uses other cameras: omit its views")
         self.visibility: Visibility

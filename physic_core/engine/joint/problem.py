@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
 from physic_core.body.model import BodyModel
-from physic_core.engine.sizes import KnownGeometry
 from physic_core.errors import PhysicError
 from physic_core.geometry.tensors import to_device
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import SIDES, Skeleton
+
+if TYPE_CHECKING:
+    from physic_core.engine.sizes.known_sizes import KnownGeometry
 
 
 def _shape(shape: str) -> dict[str, tuple[str, ...]]:

@@ -8,6 +8,7 @@ stood on it are placed again. OpenCV camera frame, metres.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
@@ -24,8 +25,11 @@ from physic_core.engine.placement.method import PlacementMethod
 from physic_core.engine.placement.place import PeopleObservations, PlacedBodies, Placement, place_bodies
 from physic_core.engine.scene.floor_below_people import FloorRejection, without_floor, wrong_floor
 from physic_core.engine.scene.solve import SceneState
-from physic_core.engine.sizes import KnownScene, resize_bodies, size_by_scene, stature_factor
+from physic_core.engine.sizes import resize_bodies
 from physic_core.types.short_repr import ShortRepr
+
+if TYPE_CHECKING:
+    from physic_core.engine.sizes.known_sizes import KnownScene
 
 _ANKLES, _SHOULDERS, _WRISTS = joint_pair("ankle"), joint_pair("shoulder"), joint_pair("wrist")
 
@@ -193,6 +197,8 @@ def _size_by_scene(given: PlacementInput, scene: SceneState, method: PlacementMe
     feet_seen = reported_joints(given.detections, method.seen_confidence)[:, _ANKLES].any(1)
     evidence = _observations(given.detections, photo, feet_seen, method)
     placed = place_bodies(posed, evidence, scene.K, scene.floor_plane, method)
+    from physic_core.engine.sizes.people_in_scene import size_by_scene
+
     vertices = posed.vertices + (placed.keypoint_transl.to(posed.transl) - posed.transl)[:, None]
     on_floor = [person.on_floor and person.grounded for person in placed.people]
     return size_by_scene(vertices, given.bodies.model.soles, on_floor, scene.floor_plane, photo.people)
@@ -200,6 +206,8 @@ def _size_by_scene(given: PlacementInput, scene: SceneState, method: PlacementMe
 
 def _resized(bodies: EstimatedBodies, ratio: Tensor, known_stature: Tensor) -> EstimatedBodies:
     """Resize people of unknown stature by the factors (B,) of :func:`size_by_scene`."""
+    from physic_core.engine.sizes.people_in_scene import stature_factor
+
     own = bodies.model.stature(bodies.betas)
     wanted = torch.where(torch.isfinite(known_stature.to(own)), own, own * stature_factor(ratio, own))
     parts = (bodies.rotations.flatten(1), bodies.betas, bodies.expression, bodies.transl)

@@ -210,7 +210,7 @@ def test_the_huge_network_is_a_graph_with_its_tensors_beside_it(
     monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path / "weights"))
     # The file has the name of the published one, and other contents.
     monkeypatch.setattr(
-        sys.modules["physic_core.weights.locate"], "require_published_sha256", lambda path, file, advice: None
+        sys.modules["physic_core.weights.find"], "require_published_sha256", lambda path, file, advice: None
     )
     backend = VitPose(VitPose.Options(weights="vitpose-h-wholebody"))
     assert backend.missing() == ()

@@ -10,7 +10,7 @@ from pathlib import Path
 from physic_core.cache.folders import cache_folder
 from physic_core.errors import DownloadError
 from physic_core.files.atomic import atomic_write, check_writable
-from physic_core.weights.locate import locate_files
+from physic_core.weights.find import locate_files
 from physic_core.weights.lock import locked
 from physic_core.weights.manifest import HubSource, WebSource, WeightFile, WeightSet
 from physic_core.weights.verify import describe_mismatch

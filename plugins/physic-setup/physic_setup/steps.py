@@ -20,7 +20,7 @@ from physic_core.configuration.resolve import named_weights, resolve
 from physic_core.discovery.catalog import ENERGIES, distribution_for, sources_in_checkout
 from physic_core.errors import BackendNotFoundError, ConfigError
 from physic_core.interfaces import INTERFACES, GpuMemory, Packages, Repository, UserFile
-from physic_core.weights.locate import locate_files
+from physic_core.weights.find import locate_files
 from physic_core.weights.lock import read_lock
 from physic_setup.pins import pin, pin_files
 

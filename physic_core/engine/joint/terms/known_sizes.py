@@ -9,7 +9,8 @@ from torch import Tensor
 
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
-from physic_core.engine.sizes import BodyEnds, linearise_stature, stature_prior
+from physic_core.engine.sizes import linearise_stature, stature_prior
+from physic_core.engine.sizes.known_sizes import BodyEnds
 
 KNOWN_SIGMA = 0.002
 """Expected error of the logarithm of a known size; 1 % off costs 25, as much as ten keypoints on a wrong limb."""

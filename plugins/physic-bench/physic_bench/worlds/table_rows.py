@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import TYPE_CHECKING, Any
 
-from physic_core.configuration.problems import did_you_mean
 from physic_core.errors import ConfigError
 from physic_core.files.strict_json import to_json
 
@@ -85,5 +84,5 @@ def select_rows(preset: str, keys: Sequence[str]) -> tuple[Row, ...]:
     known = [row.key for row in (*rows, *others)]
     for key in keys:
         if key not in known:
-            raise ConfigError(f"no row named '{key}'; there are: {', '.join(known)}{did_you_mean(key, known)}")
+            raise ConfigError(f"no row named '{key}'; there are: {', '.join(known)}")
     return tuple(row for row in (*rows, *others) if row.key in keys) if keys else rows

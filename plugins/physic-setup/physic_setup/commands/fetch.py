@@ -66,7 +66,7 @@ def fetch(ctx: click.Context, names: tuple[str, ...], accept: bool, to: Path | N
 
 def _location(one: ListedWeights) -> str:
     """Return the folder or the file paths of a weight set, as text."""
-    from physic_core.weights.locate import locate_files
+    from physic_core.weights.find import locate_files
 
     here = locate_files(one.weights)
     if len(here.files) == 1 or here.folder is None:
@@ -77,7 +77,7 @@ def _location(one: ListedWeights) -> str:
 @contextmanager
 def _progress(name: str) -> Iterator[Progress]:
     """Yield a progress callback: a bar for each file on a terminal, otherwise one line for each file; on stderr."""
-    from physic_core.weights.locate import format_size
+    from physic_core.weights.find import format_size
 
     if not sys.stderr.isatty():
         started: set[str] = set()

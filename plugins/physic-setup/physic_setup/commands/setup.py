@@ -89,7 +89,7 @@ def _script(found: Setup, preset: str, folder: Path) -> Iterator[str]:
 
 def _costs(found: Setup) -> Iterator[str]:
     """Yield lines about download, GPU memory, accounts and what is not pinned."""
-    from physic_core.weights.locate import format_size
+    from physic_core.weights.find import format_size
 
     more = f", and {found.unsized} files of a size that is not published" if found.unsized else ""
     yield f"Download and disk, without packages: {format_size(found.download_bytes) or '0 bytes'}{more}"

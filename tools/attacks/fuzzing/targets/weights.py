@@ -13,7 +13,7 @@ from pathlib import Path
 from fuzzing.mutations import mutate_text
 from fuzzing.target import Target
 from physic_core.errors import BackendError, DownloadError
-from physic_core.weights.locate import format_size
+from physic_core.weights.find import format_size
 from physic_core.weights.manifest import HubSource, WebSource, WeightFile, is_inside, read_manifest
 from physic_setup.fetch import _extract_member
 
