@@ -10,7 +10,6 @@ folder, or to "off".
 
 from __future__ import annotations
 
-import copy
 import os
 import re
 from collections.abc import Iterator, Mapping
@@ -18,20 +17,18 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from physic_core import types
 from physic_core.cache.claim import claimed_cache
 from physic_core.cache.code import CodeDigester
 from physic_core.cache.digest import Digester
 from physic_core.cache.file_hashes import remembered_sha256
 from physic_core.cache.folders import CACHES
 from physic_core.cache.lru_folder import LruFolder
+from physic_core.cache.stored_results import restore_result, split_result
 from physic_core.discovery.plugins import required_versions
 from physic_core.errors import OutputError
-from physic_core.files.archive import DamagedFileError, join_arrays, read_archive, split_arrays, write_archive
+from physic_core.files.archive import DamagedFileError, read_archive, write_archive
 from physic_core.files.npz import MAX_ARRAY_BYTES
 from physic_core.interfaces import INTERFACES
 
@@ -41,30 +38,11 @@ if TYPE_CHECKING:
     from physic_core.interfaces import Backend
     from physic_core.types import Provenance
 
-_T = TypeVar("_T")
-
 _STORED = "iufc"
 """Kinds of dtype that are stored without compression: numbers compress badly, masks and texts well."""
 
 _VERSION = 3
 """Version of the file format; increase it if old files would be read differently or fail a stricter validation."""
-
-_CLASSES = (
-    types.Bodies,
-    types.BodyParameters,
-    types.ContactProbability,
-    types.DepthMap,
-    types.Hands,
-    types.Intrinsics,
-    types.Keypoints,
-    types.Mesh,
-    types.People,
-    types.Pointmap,
-    types.RestMesh,
-    types.Skeleton,
-    types.SurfaceLabels,
-    types.UnposedPerson,
-)
 
 
 @dataclass(frozen=True)
@@ -148,7 +126,7 @@ class ResultCache:
             arrays, document = read_archive(path)
             if document["name"] != key.name:
                 raise DamagedFileError(f"it is a copy of {document['name']}")
-            result: object = _unpack(arrays, document["result"])
+            result: object = restore_result(arrays, document["result"])
         except OSError:
             return None
         except Exception as error:  # any error of a dataclass that gets unexpected fields
@@ -171,7 +149,7 @@ class ResultCache:
     def write(self, key: CacheKey, result: object) -> None:
         """Write a result to the cache if its types can be stored; a disk error only adds a note."""
         try:
-            arrays, document = _pack(result)
+            arrays, document = split_result(result)
         except TypeError:
             return
         if sum(array.nbytes for array in arrays.values()) > min(self._limit, MAX_ARRAY_BYTES // 2):
@@ -195,36 +173,6 @@ class ResultCache:
         if self._written:
             self._files.trim(self._limit)
             self._written = False
-
-
-def canonicalize(result: _T) -> _T:
-    """Convert a result to the form that the cache returns, so that runs with and without cache agree bit for bit.
-
-    Arrays become C-contiguous copies, since their order in memory changes sums, and since the backend may use its
-    arrays again; NumPy scalars become Python numbers. Of a result that cannot be stored, a deep copy is returned.
-    """
-    try:
-        arrays, document = _pack(result)
-    except TypeError:
-        return copy.deepcopy(result)
-    copies = {name: np.array(array, order="C") for name, array in arrays.items()}
-    same: _T = _unpack(copies, document)
-    return same
-
-
-def _pack(result: object) -> tuple[dict[str, Any], Any]:
-    arrays, document = split_arrays(result)
-    if any(array.dtype.hasobject for array in arrays.values()):
-        raise TypeError("an array of Python objects cannot be stored.")
-    _unpack(arrays, document)
-    return {name: np.asarray(array, order="C") for name, array in arrays.items()}, document
-
-
-def _unpack(arrays: dict[str, Any], document: Any) -> Any:
-    try:
-        return join_arrays(arrays, document, _CLASSES)
-    except (KeyError, AttributeError) as error:
-        raise TypeError(f"{error} cannot be part of a result.") from error
 
 
 def _files(options: Any) -> Iterator[list[Any]]:

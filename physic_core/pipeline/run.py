@@ -223,14 +223,16 @@ class Pipeline:
         return replace(self._plan, photo=config.photo, config=config, backends=backends)
 
     def _stages(self, progress: Progress | None, *, close: bool) -> StageRunner:
-        from physic_core.cache.result_cache import ResultCache
+        run, cache = self.config.run, None
+        if run.cache:
+            from physic_core.cache.result_cache import ResultCache
 
-        run = self.config.run
+            cache = ResultCache.in_users_folder(run.cache_mb, self._code)
         return StageRunner(
             self._plan.device,
             len(self._plan.backends) + _EXTRA_STAGES,
             progress,
-            cache=ResultCache.in_users_folder(run.cache_mb, self._code) if run.cache else None,
+            cache=cache,
             low_memory=run.low_memory,
             close_used=close,
             loaded=self._loaded,

@@ -193,7 +193,7 @@ class StageRunner:
 
 def _copy(result: object) -> object:
     """Return a copy of a result, since the backend may write to its arrays later."""
-    from physic_core.cache.result_cache import canonicalize
+    from physic_core.cache.stored_results import canonicalize
 
     return canonicalize(result)
 

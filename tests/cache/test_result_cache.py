@@ -15,7 +15,8 @@ from pydantic import Field
 from physic_core import interfaces
 from physic_core.cache import code
 from physic_core.cache import result_cache as module
-from physic_core.cache.result_cache import ResultCache, canonicalize
+from physic_core.cache.result_cache import ResultCache
+from physic_core.cache.stored_results import canonicalize
 from physic_core.files.archive import read_archive
 from physic_core.types import DepthMap, Hands, Hints, Intrinsics, Keypoints, People, Provenance
 

@@ -13,7 +13,7 @@ from physic_core import load_config, reconstruct
 from physic_core.body import load_body
 from physic_core.body.convert.bodies import rest_mesh_of_model
 from physic_core.body.parameters import rotations_from_parameters
-from physic_core.cache.result_cache import canonicalize
+from physic_core.cache.stored_results import canonicalize
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import BackendRecord
 from physic_core.errors import BodyModelError
