@@ -72,3 +72,8 @@ PARENTS: tuple[int, ...] = (
     ),
 )
 """Index of each joint's parent; -1 for the pelvis."""
+
+_LIMBS = ("upper_arm", "lower_arm", "hand", "upper_leg", "lower_leg", "foot")
+
+PART_NAMES: tuple[str, ...] = ("torso", "head", *(f"{side}_{limb}" for limb in _LIMBS for side in SIDES))
+"""Names of the body parts: torso with pelvis, head with neck, and six parts on each side."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES
+from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES, PART_NAMES
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.types.skeletons import SIDES
 
@@ -39,11 +39,6 @@ class TPoseMesh:
         """(V, 3) unit outward normals."""
         return vertex_normals(self.vertices, self.faces)
 
-
-_LIMBS = ("upper_arm", "lower_arm", "hand", "upper_leg", "lower_leg", "foot")
-
-PART_NAMES: tuple[str, ...] = ("torso", "head", *(f"{side}_{limb}" for limb in _LIMBS for side in SIDES))
-"""Names of the parts: torso with pelvis, head with neck, and six parts on each side."""
 
 CONTACT_SETS: tuple[str, ...] = (
     *(f"{side}_{name}" for name in ("sole", "foot", "hand") for side in SIDES),

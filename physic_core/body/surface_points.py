@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from physic_core.body.joints import JOINT_INDEX
+from physic_core.body.joints import JOINT_INDEX, PART_NAMES
 from physic_core.body.landmarks import SURFACE_POINTS
-from physic_core.body.parts import PART_NAMES, TPoseMesh, label_parts
+from physic_core.body.parts import TPoseMesh, label_parts
 from physic_core.types.skeletons import SIDES
 
 _EYE_HALF_WIDTH = 0.015

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from physic_core.discovery.catalog import ENERGIES
 from physic_core.discovery.installed import Installed, find_entries, find_entry, import_target
 from physic_core.discovery.records import TargetRecord
 from physic_core.discovery.registration import ENERGIES_GROUP
@@ -56,4 +55,6 @@ def engine_preset(name: str = DEFAULT_ENERGY) -> EngineSettings:
 
 
 def _find(name: str) -> Installed[TargetRecord]:
+    from physic_core.discovery.catalog import ENERGIES
+
     return find_entry(ENERGIES_GROUP, name, "engine preset", own=DEFAULT_ENERGY, known=ENERGIES)

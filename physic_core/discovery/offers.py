@@ -121,3 +121,8 @@ def backend_record_problem(record: BackendRecord, origin: Origin) -> str:
 def canonicalize_name(distribution: str) -> str:
     """Return a distribution name in lower case, with hyphens, for comparison (PEP 503)."""
     return re.sub(r"[-_.]+", "-", distribution).lower()
+
+
+def with_article(interface: str) -> str:
+    """Return the name of an interface with its article."""
+    return f"an {interface}" if interface[0] in "aeiou" else f"a {interface}"

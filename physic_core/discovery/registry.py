@@ -9,7 +9,6 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from physic_core.discovery import local_modules
-from physic_core.discovery.catalog import CATALOG, distribution_for, how_to_install, known_names
 from physic_core.discovery.local_modules import TARGET
 from physic_core.discovery.offers import (
     NAMED_IN_CONFIG,
@@ -21,6 +20,7 @@ from physic_core.discovery.offers import (
     Origin,
     backend_record_problem,
     canonicalize_name,
+    with_article,
 )
 from physic_core.discovery.plugin_code import plugin_code
 from physic_core.discovery.records import BackendRecord
@@ -131,7 +131,7 @@ class Registry:
             if not found and TARGET.fullmatch(target) and not self._has_distribution(distribution):
                 return BackendOffer(_record_of_class(interface, name), NAMED_IN_CONFIG)
         if not found:
-            raise self._not_found(self._explain_missing(interface, target, self.names(interface), interface))
+            raise self._not_found(target, interface)
         if len(found) > 1:
             several = len({offer.origin.distribution for offer in found}) > 1
             raise (AmbiguousBackendError if several else BackendError)(self.explain_ambiguity(found))
@@ -155,8 +155,7 @@ class Registry:
         if not found and TARGET.fullmatch(target) and not self._has_distribution(distribution):
             return (_offer_of_class(name),)
         if not found:
-            names = tuple(sorted({str(c.record.name) for c in self}))
-            raise self._not_found(self._explain_missing("backend", target, names, None))
+            raise self._not_found(target, None)
         return tuple(found)
 
     def load_class(self, offer: BackendOffer) -> type[Backend]:
@@ -196,61 +195,17 @@ class Registry:
         """Return a message that lists backends of the same name, and how to choose one."""
         offers = sorted(offers, key=lambda c: c.origin.distribution)
         record = offers[0].record
-        offer = f"{_with_article(record.interface)} named '{record.name}'"
+        offer = f"{with_article(record.interface)} named '{record.name}'"
         distributions = dict.fromkeys(c.origin.distribution for c in offers)
         if len(distributions) == 1:
             return f"{offers[0].origin} offers {offer} {len(offers)} times: its author has to remove all but one"
         choices = " or ".join(f"'{d}:{record.name}'" for d in distributions)
         return f"{' and '.join(str(c.origin) for c in offers)} each offer {offer}: write {choices} to choose"
 
-    def _explain_missing(self, kind: str, name: str, names: tuple[str, ...], interface: str | None) -> str:
-        """Return a message with the reason why a backend is missing, and the remedy; interface None means any."""
-        from physic_core.discovery.close_names import closest_name
+    def _not_found(self, name: str, interface: str | None) -> BackendNotFoundError:
+        from physic_core.discovery.missing_backends import explain_missing
 
-        owner, _, bare = name.rpartition(":")
-        owners = dict.fromkeys(
-            c.origin.distribution for c in self if c.record.name == bare and interface in (None, c.record.interface)
-        )
-        parts = [f"no {kind} named '{name}'; installed: {', '.join(names) or 'none'}"]
-        restricted = self.restriction is not None
-        if restricted:
-            # First, since a restriction may hide plugins that the later advice would install.
-            parts.append(f"PHYSIC_PLUGINS='{self.restriction}' hides every other plugin: unset it, or add to it")
-        if owner and owners and self._has_distribution(owner):
-            parts.append(f"'{bare}' comes from {' and '.join(owners)}")
-        elif owner and not self._has_distribution(owner):
-            parts += self._explain_distribution(owner, bare)
-        elif close := closest_name(bare, names):
-            parts.append(f"Did you mean '{close}'?")
-        elif close := closest_name(bare, known_names(interface)):
-            # No installed name is similar: a distribution that is not installed may offer it.
-            known = distribution_for(interface, close) or close
-            cure = how_to_install(known)
-            if restricted:
-                cure = f"add {known} to it, if need be after {cure}"
-            asks = "" if close == bare else f"Did you mean '{close}'? "
-            parts.append(f"{asks}'{close}' comes with {known}: {cure}")
-        elif others := sorted({c.record.interface for c in self if c.record.name == bare}):
-            parts.append(f"'{bare}' is {' and '.join(map(_with_article, others))}")
-        if self.broken:
-            parts.append(f"Broken plugins: {', '.join(map(str, self.broken))}")
-        return ". ".join(parts).replace("?.", "?")
-
-    def _explain_distribution(self, distribution: str, name: str) -> list[str]:
-        """Return the reason why the distribution in "distribution:name" offers no such backend, and the remedy."""
-        from physic_core.discovery.close_names import closest_name
-
-        owner = canonicalize_name(distribution)
-        if any(canonicalize_name(broken.origin.distribution) == owner for broken in self.broken):
-            return []  # the list of broken plugins has the reason
-        known = dict.fromkeys((*(canonicalize_name(c.origin.distribution) for c in self), *CATALOG))
-        if owner not in known and (close := closest_name(owner, known)):
-            return [f"Did you mean '{close}:{name}'?"]
-        if self.restriction is not None:
-            return [f"'{name}' comes with {owner}: add {owner} to it, if need be after {how_to_install(owner)}"]
-        return [f"'{name}' comes with {owner}, which is not installed: {how_to_install(owner)}"]
-
-    def _not_found(self, message: str) -> BackendNotFoundError:
+        message = explain_missing(name, interface, tuple(self), self.broken, self.restriction)
         error = BackendNotFoundError(f"{message}\nPython: {sys.executable}")
         error.__cause__ = next((b.error for b in self.broken if b.error), None)
         return error
@@ -338,10 +293,6 @@ def _advice(origin: Origin, folder: Path | None, module: str, cause: BaseExcepti
         f"; {missing} lies in {folder} too, but only {module} is taken from there: put both into a package and import "
         f"relatively, or put that folder into PYTHONPATH"
     )
-
-
-def _with_article(interface: str) -> str:
-    return f"an {interface}" if interface[0] in "aeiou" else f"a {interface}"
 
 
 def _count(number: int, what: str) -> str:

@@ -14,7 +14,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from physic_core.body.ages import ADULT_YEARS, load_ages
 from physic_core.body.model import BodyModel
 
 if TYPE_CHECKING:
@@ -84,6 +83,8 @@ def stature_sigmas(stature: FloatArray, years: FloatArray) -> FloatArray:
         stature: (N,) metres, NaN where unknown.
         years: (N,), NaN where unknown.
     """
+    from physic_core.body.ages import ADULT_YEARS, load_ages
+
     ages = load_ages()
     sigma = np.array([ages.at_age(age)[1] if age < ADULT_YEARS else STATURE_SIGMA for age in years])
     sigma[np.isfinite(stature)] = 0.0
