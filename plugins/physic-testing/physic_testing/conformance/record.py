@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from physic_core.weights.manifest import WeightSet
     from physic_testing.conformance.backend_under_test import BackendUnderTest
 
+_QUOTE = "Quote the licence of the weights, not that of the code."
 _LICENCE = re.compile(r"\b(MIT|A?L?GPL(?:-\d[\w.]*)?|Apache-2\.0|BSD-\d-Clause|CC0(?:-1\.0)?|CC-BY(?:-\w+)*-\d\.\d)\b")
 
 
@@ -41,19 +42,21 @@ def check_record_states_the_licence_of_the_weights(subject: BackendUnderTest) ->
     for name, one in sets.items():
         if one is None:
             continue
-        expect(bool(stated), f"the licence of the weights '{name}', {one.license!r}", "an empty weights_license")
+        expect(
+            bool(stated), f"the licence of the weights '{name}', {one.license!r}", "an empty weights_license", _QUOTE
+        )
         expect(
             one.commercial is not False or bool(NON_COMMERCIAL.search(stated)),
             f"a licence without commercial use, as the manifest states for '{name}': {one.license!r}",
             f"{stated!r}",
-            "Quote the licence of the weights, not that of the code.",
+            _QUOTE,
         )
         ours, theirs = set(_LICENCE.findall(stated)), set(_LICENCE.findall(one.license))
         expect(
             not (ours and theirs) or bool(ours & theirs),
             f"the licence of the manifest for '{name}', {one.license!r}",
             f"{stated!r}",
-            "Quote the licence of the weights, not that of the code.",
+            _QUOTE,
         )
 
 
@@ -73,7 +76,12 @@ def check_record_names_packages_that_it_uses(subject: BackendUnderTest) -> None:
         "Add them to `packages` of the record, or to `dependencies`.",
     )
     unused = [package for package in packages if package not in sys.modules]
-    expect(not unused, "packages that the backend imports", f"{', '.join(unused)} is not imported after calls")
+    expect(
+        not unused,
+        "packages that the backend imports",
+        f"{', '.join(unused)} is not imported after calls",
+        "Remove them from `packages` of the record.",
+    )
 
 
 def _imported(kind: type) -> set[str]:
