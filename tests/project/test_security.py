@@ -112,7 +112,7 @@ WRITTEN = {
         "tests/cache/test_claim.py::test_folders_and_files_are_for_their_user_alone_whatever_the_umask",
         "plugins/physic-embedded/tests/test_kept_graphs.py::test_a_graph_is_kept_for_its_user_alone",
     ),
-    "A result without its row": "tests/batch/test_run.py::test_a_result_without_its_row_is_done_again",
+    "A result without a row": "tests/batch/test_run.py::test_a_result_without_its_row_is_done_again",
     "A file of yours is never replaced": (
         "tests/io/test_output.py::test_every_foreign_file_is_named_at_once",
         "tests/io/test_output.py::test_an_edited_file_is_replaced_with_overwrite_only",

@@ -117,7 +117,9 @@ def setup_steps(config: Config, registry: Registry, preset: str, folder: Path, m
     """
     if uninstalled := (*missing, *_uninstalled(config, registry)):
         commands = tuple(f"python -m pip install{_constraints()} {_source(name)}" for name in uninstalled)
-        return Setup((SetupStep("Plugins of the preset; the same command then lists the rest", False, commands),))
+        return Setup(
+            (SetupStep("Plugins of the preset; then run the same command again for the other steps", False, commands),)
+        )
     plan = resolve(config, registry)
     sets = named_weights(plan, registry)
     repositories = _unique(plan, Repository)
@@ -220,7 +222,7 @@ def _packages(plan: ResolvedPipeline) -> SetupStep | None:
     install = f"python -m pip install{_constraints()}"
     free = [name for name in lacking if name not in {*NON_COMMERCIAL, "torchvision"}]
     return SetupStep(
-        f"Packages of Python ({len(modules)})",
+        f"Python packages ({len(modules)})",
         not lacking,
         (
             *((f"{install} {shlex.join(free)}",) if free else ()),
@@ -260,7 +262,7 @@ def _free_weights(sets: tuple[WeightSet, ...]) -> SetupStep | None:
     lacking = [weights.name for weights in free if not _is_complete(weights)]
     commands = (f"physic weights fetch {shlex.join(lacking)}",) if lacking else ()
     licences = ", ".join(f"{weights.name} ({weights.license})" for weights in free)
-    return SetupStep(f"Weights without conditions: {licences}", not lacking, commands)
+    return SetupStep(f"Weights without restrictions: {licences}", not lacking, commands)
 
 
 def _restricted_weights(weights: WeightSet) -> SetupStep:

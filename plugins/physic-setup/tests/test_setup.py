@@ -130,8 +130,8 @@ def test_each_requirement_is_a_step_and_their_costs_are_added(thing: tuple[Path,
     lines = physic("setup", "embedded", "--folder", "mine").output.splitlines()
     place = folder / "mine"
     assert lines[:6] == [
-        "# physic setup embedded: 4 of 5 steps are left.",
-        "# Download and disk, without packages: 1.5 kB",
+        "# physic setup embedded: 4 of 5 steps remain.",
+        "# Download size, without packages: 1.5 kB",
         "# GPU memory: 8 GB for the metric_depth (its authors)",
         "# Accounts: https://there.org",
         "# Not pinned: 1 of 2 files and repositories have neither a SHA-256 nor a commit",

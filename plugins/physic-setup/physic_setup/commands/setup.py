@@ -27,14 +27,14 @@ if TYPE_CHECKING:
     help="For checkouts, your own files and the configuration.  [default: physic-PRESET]",
 )
 @click.option(
-    "--run", "run_steps", is_flag=True, help="Run the commands of the steps that are left, each shown before."
+    "--run", "run_steps", is_flag=True, help="Run the commands of the remaining steps; each is printed first."
 )
 @click.pass_context
 def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool) -> None:
-    """Print the steps that install the estimators of PRESET, as a shell script whose comments say what is left to you.
+    """Print a shell script that installs the estimators of PRESET; its comments list what you have to do yourself.
 
     Steps that are done are marked, and skipped by --run: the same command goes on where it stopped. A licence that
-    restricts use is never accepted for you. Exits with code 4 if a step is left.
+    restricts use is never accepted for you. Exits with code 4 if a step remains.
     """
     from physic_core.discovery.plugins import discover
     from physic_setup.steps import pin_setup, read_config
@@ -71,7 +71,7 @@ def _find(preset: str, folder: Path) -> Setup:
 def _script(found: Setup, preset: str, folder: Path) -> Iterator[str]:
     left = [step for step in found.steps if not step.is_done]
     config = shlex.quote(str(folder / f"{preset}.toml"))
-    yield f"# physic setup {preset}: {len(left)} of {len(found.steps)} steps are left."
+    yield f"# physic setup {preset}: {len(left)} of {len(found.steps)} steps remain."
     yield from (f"# {line}" for line in _costs(found))
     for number, step in enumerate(found.steps, 1):
         yield ""
@@ -91,8 +91,8 @@ def _costs(found: Setup) -> Iterator[str]:
     """Yield lines about download, GPU memory, accounts and what is not pinned."""
     from physic_core.weights.find import format_size
 
-    more = f", and {found.unsized} files of a size that is not published" if found.unsized else ""
-    yield f"Download and disk, without packages: {format_size(found.download_bytes) or '0 bytes'}{more}"
+    more = f", and {found.unsized} files whose size is not published" if found.unsized else ""
+    yield f"Download size, without packages: {format_size(found.download_bytes) or '0 bytes'}{more}"
     for name, memory in found.gpu:
         yield f"GPU memory: {memory.gigabytes:g} GB for the {name} ({memory.source})"
     if found.gpu_unknown:
