@@ -110,7 +110,7 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
     multiple=True,
     help="Two pixels of the photo file and the true distance of their points; may be repeated.",
 )
-@_setting("--require-people", "photo.require_people", is_flag=True, help="Fail if nobody is in the photo.")
+@_setting("--require-people", "photo.require_people", is_flag=True, help="Fail if the photo shows no person.")
 @_setting("--device", "run.device", metavar="NAME", help="cpu, cuda or cuda:N.")
 @_setting("--low-memory", "run.low_memory", is_flag=True, help="Close each backend right after its last use.")
 @click.option("-v", "--verbose", is_flag=True, help="Also each network, the time of each stage, and all messages.")

@@ -197,7 +197,7 @@ def format_missing(texts: Sequence[str], end: str) -> str:
 
 
 def size_warnings(plan: ResolvedPipeline, registry: Registry) -> tuple[str, ...]:
-    """Return warnings about weight files whose size differs from the published size; no file is read.
+    """Return warnings about weight files of another size than the published one; no file is read.
 
     Raises:
         BackendError: the manifest of a plugin is invalid.

@@ -198,7 +198,7 @@ class _TriangleTree:
         return face, distance, uv
 
     def _pairs(self, origin: _Array, way: _Array) -> tuple[_Indices, _Indices]:
-        """Return the pairs of rays, given by rows (3, n), and triangles whose boxes they meet."""
+        """Return the pairs of ray and triangle where the ray, a column of (3, n), hits the box of the triangle."""
         inverse = 1 / np.where(np.abs(way) < 1e-30, 1e-30, way)
         ray, node = (np.arange(n) for n in (origin.shape[1], self._levels[-1].shape[1]))
         ray, node = np.repeat(ray, len(node)), np.tile(node, len(ray))

@@ -37,7 +37,7 @@ class Segmenter(Backend):
     Attributes:
         takes_prompt: whether ``infer`` also takes ``prompt: PeoplePrompt | None = None`` as second argument. With a
             prompt it returns exactly one person per prompt, in the order of the prompts, and keeps the given masks. It
-            raises NoPersonError for a prompt that hits nobody. Without ``takes_prompt``, the pipeline selects the
+            raises NoPersonError for a prompt without a person. Without ``takes_prompt``, the pipeline selects the
             chosen people from all people that the backend finds.
     """
 

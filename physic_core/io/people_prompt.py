@@ -78,7 +78,7 @@ def check_prompt(prompt: PeoplePrompt, width: int, height: int) -> PeoplePrompt:
     masks = None if prompt.masks is None else np.asarray(prompt.masks)
     checked = PeoplePrompt(points, boxes, masks)  # type: ignore[arg-type]
     if not len(checked):
-        raise InputError("nobody is chosen: give at least one point, box or mask, or no choice for all people")
+        raise InputError("no person is chosen: give at least one point, box or mask, or no prompt for all people")
     size = f"the photo of {width} x {height} px, upright as it is shown"
     for i, (x, y) in enumerate(checked.points):
         if not (-0.5 <= x < width - 0.5 and -0.5 <= y < height - 0.5):

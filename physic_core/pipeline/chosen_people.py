@@ -84,7 +84,7 @@ def _required(row: int | None, prompt: PeoplePrompt, index: int, people: People)
     if row is None:
         height, width = people.masks.shape[1:]
         boxes = ", ".join(str(tuple(np.round(box).astype(int).tolist())) for box in people.boxes)
-        found = f"people were found in the boxes {boxes}" if boxes else "nobody was found"
+        found = f"people were found in the boxes {boxes}" if boxes else "no person was found"
         raise NoPersonError(
             f"no person was found at {prompt.describe(index)}, in px of the photo at {width} x {height} px; {found}: "
             "choose one of them, mark the person with a mask, or use a segmenter that takes prompts"

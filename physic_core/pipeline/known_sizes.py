@@ -51,7 +51,7 @@ def check_placed_people(
     height = known.geometry.camera_height
     if placed.rejected_floor is not None and height is not None:
         raise ConfigError(
-            f"the photo contradicts the camera height {height:g} m: at that height nobody stands on the floor, which "
+            f"the photo contradicts the camera height {height:g} m: at that height no person stands on the floor that "
             f"the photo shows {known.unscaled.floor_offset:.2f} m below the camera. Correct the height, or leave it out"
         )
     return warnings

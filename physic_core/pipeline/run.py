@@ -141,7 +141,7 @@ class Pipeline:
         Raises:
             InputError: the photo, its intrinsics, the chosen people or the known sizes cannot be used.
             ConfigError: ``settings`` are invalid, or the photo contradicts a known size.
-            NoPersonError: one of ``people`` was not found, or nobody was, and the config requires people.
+            NoPersonError: one of ``people`` was not found, or the photo shows no person and the config requires people.
             BackendError: a required backend failed, or returned an invalid result.
         """
         return self._run(photo, _Given(intrinsics, people, known, tuple(views), complete), settings, progress)

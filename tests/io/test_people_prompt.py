@@ -47,7 +47,7 @@ def test_a_file_that_holds_no_masks_is_refused(tmp_path: Path, pixels: np.ndarra
 @pytest.mark.parametrize(
     ("prompt", "message"),
     [
-        (PeoplePrompt(), "nobody is chosen: give at least one point, box or mask, or no choice for all people"),
+        (PeoplePrompt(), "no person is chosen: give at least one point, box or mask, or no prompt for all people"),
         (
             PeoplePrompt(points=((3, 3), (40, 3))),
             "point 2 (40, 3) lies outside the photo of 40 x 30 px, upright as it is shown: give x, y in its px",

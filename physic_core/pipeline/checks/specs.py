@@ -76,7 +76,7 @@ _ALL = (
     _view("view_people", "People whom other photos show, too", "at least", 2, "count", failure="contradiction"),
     # Half of the energy of a person in the solution of two photos, with the clothes: rigs 11-29, wrong pairs 17-47.
     _view("view_agreement", "People unlike those of other photos", "at most", 28, "energy", failure="contradiction"),
-    _view("view_nobody", "Person of other photos missing", "at most", 0, "count", failure="contradiction"),
+    _view("view_missing_person", "Person of other photos missing", "at most", 0, "count", failure="contradiction"),
     # Rigs 0.05-0.56; 0.6-0.9 where a floor is wrong, 2.6 in a wrong pair.
     _view("view_height", "Camera height over other floors, off", "at most", 0.6, "log", failure="contradiction"),
     _person("missing_outputs", "Backends without a result", "at most", 0, "count", failure="bad", warns=True),

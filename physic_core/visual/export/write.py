@@ -119,14 +119,14 @@ def _people(
     """Return the indices of the people to write, and notes about those skipped.
 
     Raises:
-        InputError: a person does not exist or has no body, or nobody has one and the format needs it.
+        InputError: a person does not exist or has no body, or the format needs a body and the result has none.
     """
     count = len(result.people)
     bodiless = {i for i, one in enumerate(result.people) if not np.isfinite(one.vertices).all()}
     wanted = range(count) if person is None else [person] if isinstance(person, int) else list(dict.fromkeys(person))
     for index in wanted:
         if not 0 <= index < count:
-            there = f"people are numbered 0 to {count - 1}" if count else "nobody is in this result"
+            there = f"people are numbered 0 to {count - 1}" if count else "this result has no people"
             raise InputError(f"there is no person {index}: {there}")
         if person is not None and index in bodiless:
             raise InputError(
@@ -135,7 +135,7 @@ def _people(
             )
     kept = tuple(index for index in wanted if index not in bodiless)
     if kind.bodies == "required" and not kept:
-        why = "nobody in this result has a body" if count else "nobody is in this result"
+        why = "no person of this result has a body" if count else "this result has no people"
         raise InputError(f"cannot export to {kind.name}, which holds people: {why}")
     left = sorted(bodiless.intersection(wanted))
     return kept, tuple(f"person {index} has no body and is skipped" for index in left)

@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 FULL_FACING, NO_FACING = 0.45, 0.15
-"""Cosines between surface normal and the ray to the camera, from which the photo counts fully, and below which not."""
+"""Cosines between normal and ray to the camera: the photo has full weight above the first, none below the second."""
 
 RIM_SHARE = 0.006
-"""Width of a mask's rim, whose colours mix with the background, as a share of the person's height in px."""
+"""Width of the rim of a mask, where colours mix with the background, as a share of the person's height in px."""
 
 REACH_SHARE = 0.04
 """Distance to the mask, as a share of the person's height, up to which a body that is not quite under it is filled with
@@ -36,7 +36,7 @@ NEAREST_WEIGHT = 0.3
 
 
 def caster_of_bodies(result: Reconstruction) -> RayCaster | None:
-    """Return the ray caster of all bodies of a result, whose mesh they share; None if nobody has a body."""
+    """Return the ray caster of all bodies of a result, which share one mesh; None without a body."""
     bodies = [person.vertices for person in result.people if np.isfinite(person.vertices).all()]
     if not bodies:
         return None

@@ -46,7 +46,7 @@ class TextureRaster:
 
 
 def rasterize_texture(mesh: TextureCoordinates, size: int) -> TextureRaster:
-    """Return the texels whose centres lie in the triangles of a mesh; of overlapping triangles, the first one's."""
+    """Return the texels with their centre in a triangle of the mesh; the first triangle wins where two overlap."""
     places = np.stack([mesh.uv[:, 0] * size - 0.5, (1 - mesh.uv[:, 1]) * size - 0.5], 1).astype(np.float64)
     corners = places[mesh.faces]
     low = np.clip(np.ceil(corners.min(1)), 0, size).astype(np.int64)
@@ -69,7 +69,7 @@ def rasterize_texture(mesh: TextureCoordinates, size: int) -> TextureRaster:
 
 
 def pad_texture(image: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray[Any]:
-    """Return an image (H, W, ...) whose pixels outside have the value of the nearest pixel inside."""
+    """Fill the pixels outside of a mask with the value of the nearest pixel inside; image (H, W, ...)."""
     import cv2
 
     if not inside.any():

@@ -107,7 +107,7 @@ def score_frame(
     matched = {} if prediction is None else match_people(frame, truth, prediction)
     records = []
     for row, person in enumerate(truth.people):
-        record = base_record(frame, method, person, reason or "nobody at this place")
+        record = base_record(frame, method, person, reason or "no person at this place")
         true_maps = true_contacts(frame, truth, person, rules)
         record["distance_m"] = _distance(person)
         record["has_result"] = prediction is not None

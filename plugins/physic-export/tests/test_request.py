@@ -84,7 +84,7 @@ def test_an_unknown_format_is_refused(name: str | None, suffix: str, message: st
     [
         ((), {"person": 2}, "there is no person 2: people are numbered 0 to 1"),
         ((0,), {"person": 0}, "person 0 has no body, only a box and keypoints"),
-        ((0, 1), {}, "cannot export to bvh, which holds people: nobody in this result has a body"),
+        ((0, 1), {}, "cannot export to bvh, which holds people: no person of this result has a body"),
         ((), {"up": "camera"}, "bvh is written with --up y or z, not 'camera'"),
     ],
 )
@@ -105,9 +105,9 @@ def test_a_person_without_a_body_is_left_out_with_a_note(result: Reconstruction,
 
 
 def test_a_scene_without_people_has_no_bodies_to_export(result: Reconstruction, tmp_path: Path):
-    with pytest.raises(InputError, match=r"^cannot export to bvh, which holds people: nobody is in this result$"):
+    with pytest.raises(InputError, match=r"^cannot export to bvh, which holds people: this result has no people$"):
         replace(result, people=()).export(str(tmp_path / "a.bvh"))
-    with pytest.raises(InputError, match=r"^there is no person 0: nobody is in this result$"):
+    with pytest.raises(InputError, match=r"^there is no person 0: this result has no people$"):
         replace(result, people=()).export(str(tmp_path / "a.glb"), person=0)
 
 

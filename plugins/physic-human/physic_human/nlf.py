@@ -147,7 +147,7 @@ class Nlf(BodyEstimator):
         if self._network is None:
             raise BackendError("NLF is not loaded: call load() before infer()")
         if not len(people):
-            # Asked about nobody, the network answers keys and shapes of its own.
+            # Without people, the network returns other keys and shapes.
             return empty_bodies(self.options.body)
         found = self._ask(image, people.boxes, intrinsics)
         bodies = self._as_smplx(found) if self.options.body == "smplx" else self._as_smpl(found)

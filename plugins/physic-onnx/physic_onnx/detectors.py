@@ -71,7 +71,7 @@ class Detector:
 
         Args:
             image: RGB.
-            score: below it nobody is believed.
+            score: threshold of a person.
             overlap: boxes that share more (intersection over union) are one person's, where the network itself does
                 not choose.
 

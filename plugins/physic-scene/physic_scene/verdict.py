@@ -1,7 +1,7 @@
 """What contradicts the solved cameras, of each photo: shown, not refused, since the user says that it is one moment.
 
-The bounds are those of the checks ``view_people``, ``view_agreement``, ``view_nobody`` and ``view_height``. They were
-chosen on 30 pairs of photos of a rig, and on 30 pairs of photos of that rig and of another one.
+The bounds are those of the checks ``view_people``, ``view_agreement``, ``view_missing_person`` and ``view_height``.
+They were chosen on 30 pairs of photos of a rig, and on 30 pairs of photos of that rig and of another one.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def contradictions(
         yield view.name, "view_agreement", cost, why
         nobody = sum(_shows_nobody(view, other, row, settings.verdict) for other, row in _others(views, rows, v))
         why = f"{view.name} shows no person where other photos show one: {look}"
-        yield view.name, "view_nobody", nobody, why
+        yield view.name, "view_missing_person", nobody, why
         heights = [abs(h) for w in range(len(views)) if w != v and (h := _height(view, views[w])) is not None]
         why = f"the camera of {view.name} is not as high over its floor as over those of the other photos: {look}"
         yield view.name, "view_height", float(np.median(heights)) if heights else None, why

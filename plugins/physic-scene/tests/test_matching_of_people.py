@@ -129,7 +129,7 @@ def solved_views(facing_each_other):
 def test_nothing_contradicts_true_cameras(solved_views):
     found = verdict(*solved_views, rows=[[0, 0], [1, 1]])
     assert found["view_people"] == [2, 2]
-    assert found["view_nobody"] == [0, 0]
+    assert found["view_missing_person"] == [0, 0]
     assert max(found["view_agreement"]) < 10
     assert found["view_height"] == pytest.approx([0, 0], abs=1e-9)
 
@@ -145,7 +145,7 @@ def test_a_camera_that_shows_nobody_where_somebody_is_says_so(solved_views):
     alone |= {name: getattr(b.people, name)[:1] for name in ("confidence", "landmarks", "joints", "rotations", "betas")}
     found = verdict(a, replace(b, people=replace(b.people, colours=b.people.colours[:1], **alone)), rows=[[0, 0]])
     assert found["view_people"] == [1, 1]
-    assert found["view_nobody"] == [0, 1]
+    assert found["view_missing_person"] == [0, 1]
 
 
 def test_cameras_of_different_heights_over_one_floor_disagree(solved_views):

@@ -116,7 +116,7 @@ def accuracy_tables(
         "engine did not optimise",
     ]
     if first.false_alarms:
-        notes.append(f"{first.false_alarms} bodies are nobody")
+        notes.append(f"{first.false_alarms} bodies match no person")
     notes += [f"{text}: its people count as missed in every row" for text in blind]
     notes += [f"{labels[k]}: ended with an error in {f.errors} worlds" for k, f in rows.items() if f.errors]
     scene = _figures_table("Touch and scene", {k: f for k, f in rows.items() if k != "start"}, labels, _SCENE_COLUMNS)

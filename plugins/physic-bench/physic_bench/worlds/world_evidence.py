@@ -51,7 +51,7 @@ def estimate_evidence(
     The camera is not given: what the estimators take it for is part of the start.
 
     Raises:
-        PhysicError: nobody was found, or a backend failed.
+        PhysicError: no person was found, or a backend failed.
     """
     path = None if folder is None else folder / f"{evidence_key(case, plan)}.npz"
     known = None if path is None else load_evidence(path)
