@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 class RelativePointmapRequest(Request[Pointmap]):
     """Input of a RelativePointmap: the inpainted or the original photo, and hints.
 
-    ``hole`` of the hints is None for the original photo.
+    ``hole`` and ``photo`` of the hints are None for the original photo.
     """
 
     hints: Hints = field(default_factory=Hints)
@@ -36,8 +36,9 @@ class RelativePointmapRequest(Request[Pointmap]):
 class RelativePointmap(Backend):
     """Estimates a point map up to a scale, or up to a scale and an offset (paper: MoGe).
 
-    Called for the inpainted photo (``hints.hole`` is the inpainted region), then for the original photo (``hints.hole``
-    is None, ``hints.scene`` the first result).
+    Called for the inpainted photo (``hints.hole`` is the inpainted region, ``hints.photo`` the original photo), then
+    for the original photo (both are None, ``hints.scene`` is the first result). Inpainted pixels are invented: cues of
+    the camera, such as straight lines, are better taken from ``hints.photo`` outside the hole.
     """
 
     interface = "relative_pointmap"
@@ -45,7 +46,7 @@ class RelativePointmap(Backend):
     Request = RelativePointmapRequest
     Result = Pointmap
     sees = "inpainted"
-    hints = ("intrinsics", "people", "keypoints", "hole")
+    hints = ("intrinsics", "people", "keypoints", "hole", "photo")
 
     @abstractmethod
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:

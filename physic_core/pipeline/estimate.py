@@ -154,7 +154,7 @@ def run_backends(
 
     hole, objects = _removed(people, keypoints, plan, image.shape)
     inpainted = run.inpainted(image, hole)
-    maps = _pointmaps(run, image, inpainted, Hints(given, people, keypoints, hole), plan.engine)
+    maps = _pointmaps(run, image, inpainted, Hints(given, people, keypoints, hole, photo=image), plan.engine)
     hints, camera, scene = maps.hints, maps.camera, maps.scene
 
     bodies = run.bodies(BodyEstimatorRequest(image, people, camera, keypoints, hints), known.stature)
@@ -250,7 +250,7 @@ def _pointmaps(
     assert hole is not None
     scene = run.pointmap("scene point map", inpainted, hints, last=not hole.any())
     camera = hints.intrinsics or scene.intrinsics or _camera_of(scene)
-    hints = replace(hints, intrinsics=camera, hole=None, scene=scene)
+    hints = replace(hints, intrinsics=camera, hole=None, photo=None, scene=scene)
     original = run.pointmap("photo point map", image, hints) if hole.any() else scene
     with run.stages.time_engine("floor candidates"):
         floors = floor_candidates(scene, people, hole, keypoints, engine.scene)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
-    from physic_core.types.arrays import BoolArray
+    from physic_core.types.arrays import BoolArray, UInt8Array
     from physic_core.types.bodies import Bodies
     from physic_core.types.camera import Intrinsics
     from physic_core.types.depth import Plane, Pointmap
@@ -29,6 +29,7 @@ class Hints(ShortRepr):
         floor: floor plane in the units of ``scene``.
         bodies: in metres, not yet placed in the scene, of the configured body model. ``joints`` are given if that model
             is a file of the user's, which no backend can load.
+        photo: (H, W, 3) uint8 RGB, the original photo, if the given image is inpainted.
     """
 
     intrinsics: Intrinsics | None = None
@@ -39,3 +40,4 @@ class Hints(ShortRepr):
     original: Pointmap | None = None
     floor: Plane | None = None
     bodies: Bodies | None = None
+    photo: UInt8Array | None = None

@@ -49,6 +49,21 @@ def test_a_photo_without_people_is_an_error_if_people_are_required(world: World)
         reconstruct(world.image, config, registry=with_backend(Blind, "segmenter"))
 
 
+def test_point_maps_get_the_photo_beside_the_inpainted_one(world: World) -> None:
+    calls: list[tuple[bool, Hints]] = []
+
+    class Looks(backends.MockRelativePointmap):
+        def infer(self, image, hints):
+            calls.append((np.array_equal(image, world.image), hints))
+            return super().infer(image, hints)
+
+    run(world, Looks, "relative_pointmap")
+    (same_first, first), (same_second, second) = calls
+    assert (same_first, same_second) == (False, True)
+    assert np.array_equal(first.photo, world.image)
+    assert second.photo is None
+
+
 def test_the_bodies_fit_what_another_camera_shows(world: World) -> None:
     person = reconstruct(world.image, load_config(preset="mock")).people[0]
     aside = torch.from_numpy(person.keypoints[None].astype(np.float64)) + 4.0

@@ -157,7 +157,8 @@ class EmbeddedPointmap(RelativePointmap):
         given = known_camera(hints, image)
         segments = None
         if self._lines is not None and hints.scene is None:
-            segments = detect_line_segments(self._lines, image)
+            # Inpainted pixels have lines of their own, which a hole one pixel wider changes.
+            segments = detect_line_segments(self._lines, image if hints.photo is None else hints.photo)
             if hints.hole is not None:
                 segments = segments_outside_mask(segments, hints.hole)
         if given is None:

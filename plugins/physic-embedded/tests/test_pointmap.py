@@ -239,6 +239,22 @@ def test_the_map_of_the_photo_agrees_with_the_scene_outside_people(
     assert original.notes == ()
 
 
+def test_lines_are_those_of_the_photo_and_not_of_invented_pixels(
+    backend: EmbeddedPointmap, image: NDArray[np.uint8]
+) -> None:
+    hole = np.zeros((240, 320), bool)
+    hole[60:200, 40:200] = True
+    rows, columns = np.mgrid[0:240, 0:320]
+    cameras, alone = [], []
+    for pixels in (rows + columns // 3, rows - columns // 2):
+        stripes = np.where(hole & (pixels % 40 < 20), 255, np.where(hole, 0, image.max(-1))).astype(np.uint8)
+        inpainted = np.where(hole[..., None], stripes[..., None], image)
+        cameras.append(backend.infer(inpainted, Hints(hole=hole, photo=image)).intrinsics)
+        alone.append(backend.infer(inpainted, Hints()).intrinsics)
+    assert cameras[0] == cameras[1]
+    assert alone[0] != alone[1]
+
+
 def test_a_scene_hidden_by_people_is_said_not_to_be_matched(
     backend: EmbeddedPointmap, image: NDArray[np.uint8], scene: Pointmap
 ) -> None:

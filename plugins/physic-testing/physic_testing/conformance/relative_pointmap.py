@@ -139,13 +139,13 @@ def check_accepts_the_photo_with_people(subject: BackendUnderTest) -> None:
     _, hints = infer_arguments(subject.interface, case)
     try:
         answer = subject.infer(
-            subject.loaded(case), case, (case.photo.copy(), replace(hints, hole=None, scene=case.scene))
+            subject.loaded(case), case, (case.photo.copy(), replace(hints, hole=None, photo=None, scene=case.scene))
         )
     except PhysicError as error:
         raise CheckFailed("valid output for the photo with people", describe_error(error, subject.kind)) from error
     except Exception as error:
         raise CheckFailed(
-            "valid output for the photo with people, with hints.scene set and hints.hole None",
+            "valid output for the photo with people, with hints.scene set, and hints.hole and hints.photo None",
             describe_error(error, subject.kind),
         ) from error
     faults = contract_violations(subject.interface, answer, case)
