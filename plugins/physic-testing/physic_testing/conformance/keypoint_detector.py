@@ -24,7 +24,11 @@ MAX_ERROR = 0.25
 """Maximum median error as a share of the larger side of the person's box."""
 
 MAX_SHIFT_PX, MAX_SCALE = 0.3, 0.03
-"""Mean shift and mean relative error of scale that are treated as zero."""
+"""Mean shift and mean relative error of scale that are treated as zero.
+
+Networks place joints by their annotations: BlazePose's ankles lie 2 to 4 % of the box below those of the body, which is
+a scale of 2.6 % along y.
+"""
 
 MAX_CONFIDENCE = 0.01
 """Mean confidence by which hidden joints may be surer."""
