@@ -1,4 +1,4 @@
-"""Read and merge the layers of a configuration: presets, files, environment variables, ``--set`` and flags.
+"""Read and merge the layers of a configuration: presets, environment variables, ``--set`` and flags.
 
 A layer is a label and a nested dictionary. Later layers override earlier ones. For each value, the label of its layer
 is stored: errors and ``physic config show`` use it to name the file, variable or flag.
@@ -8,39 +8,25 @@ from __future__ import annotations
 
 import os
 import re
-import stat
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from physic_core.configuration.quoting import printable, quoted, shorten
+from physic_core.configuration.quoting import printable, shorten
 from physic_core.configuration.values import InvalidTextError, check_values, parse_toml
 from physic_core.discovery.local_modules import with_folder
 from physic_core.discovery.offers import canonicalize_name
 from physic_core.errors import ConfigError
-from physic_core.files.strict_json import from_json, parse_json
 from physic_core.interfaces import INTERFACES
 
 SettingsLayer = tuple[str, Mapping[str, Any]]
 """One source of settings: its label, and its tables as nested dictionaries."""
 
 _VARIABLE_PREFIX = "PHYSIC__"
+YAML_SUFFIXES = (".yaml", ".yml")
 _ALTERNATIVE_KEYS = (("photo", ("focal_px", "intrinsics")), ("body_model", ("name", "path")))
 """Alternative keys of a table: a layer that sets one removes the others of earlier layers."""
-
-_PATHS = (("body_model", "path"), ("photo", "masks"), ("photo", "depth"), ("photo", "pointmap"))
-"""Table and key of the paths that are relative to their config file."""
-
-_MAX_BYTES = {".toml": 1_000_000, ".json": 100_000_000}
-"""Maximum size of a config file, bytes. A file with every setting has 40,000, a result with 40 people 200,000."""
-
-_YAML = (".yaml", ".yml")
-_YAML_LINE = re.compile(r"(?:\s*(?:#[^\n]*)?\n)*(?:---|[\w-]+:(?:\s|$))")
-"""Matches a text whose first line, without comments, is YAML."""
-
-_MAX_EXTENDS = 16
-"""Maximum number of files that extend each other."""
 
 
 def preset_names() -> tuple[str, ...]:
@@ -50,20 +36,7 @@ def preset_names() -> tuple[str, ...]:
 
 def is_path(name: str) -> bool:
     """Return whether a text is the path of a file, not the name of a preset."""
-    return name.endswith((".toml", ".json", *_YAML)) or "/" in name or os.sep in name
-
-
-def read_layers(file: str | os.PathLike[str] | None, base: str) -> list[SettingsLayer]:
-    """Read the layers of a configuration file and of the files that it extends, or of a preset.
-
-    Args:
-        file: a TOML file, or the ``reconstruction.json`` of a run, which extends nothing; None for the preset only.
-        base: preset that a TOML file without ``extends`` extends.
-
-    Raises:
-        ConfigError: a file or preset cannot be read.
-    """
-    return _read_preset(base) if file is None else _read_file(_path(os.fspath(file)), base)
+    return name.endswith((".toml", ".json", *YAML_SUFFIXES)) or "/" in name or os.sep in name
 
 
 def environment_layers(environment: Mapping[str, str]) -> list[SettingsLayer]:
@@ -76,9 +49,9 @@ def environment_layers(environment: Mapping[str, str]) -> list[SettingsLayer]:
     for name in sorted(n for n, value in environment.items() if n.startswith(_VARIABLE_PREFIX) and value.strip()):
         path = name.removeprefix(_VARIABLE_PREFIX).lower().replace("__", ".")
         if not re.fullmatch(r"[a-z0-9]\w*(\.[a-z0-9]\w*)*", path, re.ASCII):
-            raise ConfigError(f"the variable {_show(name)} names no setting: write PHYSIC__INPAINTER__BACKEND=telea")
+            raise ConfigError(f"the variable {shown(name)} names no setting: write PHYSIC__INPAINTER__BACKEND=telea")
         value = environment[name]
-        layers.append((name, _assignment(path, value, f"the variable {_show(name)}={_show(value)}")))
+        layers.append((name, _assignment(path, value, f"the variable {shown(name)}={shown(value)}")))
     return layers
 
 
@@ -88,7 +61,7 @@ def override_layers(overrides: Sequence[str]) -> list[SettingsLayer]:
     Raises:
         ConfigError: a text does not have the form KEY=VALUE.
     """
-    return [("--set", _add_folder(_parse_override(text), Path())) for text in overrides]
+    return [("--set", add_folder(_parse_override(text), Path())) for text in overrides]
 
 
 def merge_layers(layers: Iterable[SettingsLayer]) -> tuple[dict[str, Any], dict[str, str]]:
@@ -126,51 +99,23 @@ def _presets() -> Any:
     return resources.files("physic_core.configuration") / "presets"
 
 
-def _read_preset(name: str) -> list[SettingsLayer]:
+def preset_layers(name: str) -> list[SettingsLayer]:
+    """Return the layers of a preset, preceded by those of the preset that it extends.
+
+    Raises:
+        ConfigError: there is none of this name.
+    """
     if name not in preset_names():
         from physic_core.discovery.close_names import did_you_mean
 
         names = preset_names()
-        raise ConfigError(f"no preset named '{_show(name)}'; there are: {', '.join(names)}{did_you_mean(name, names)}")
+        raise ConfigError(f"no preset named '{shown(name)}'; there are: {', '.join(names)}{did_you_mean(name, names)}")
     table = parse_toml((_presets() / f"{name}.toml").read_text(encoding="utf-8"))
     base = table.pop("extends", None)
-    return [*(_read_preset(base) if base else []), (f"preset {name}", table)]
+    return [*(preset_layers(base) if base else []), (f"preset {name}", table)]
 
 
-def _read_file(path: Path, base: str, seen: tuple[str, ...] = ()) -> list[SettingsLayer]:
-    """Read the layers of a file, preceded by those of the file that it extends."""
-    seen = (*seen, os.path.realpath(path))
-    if seen[-1] in seen[:-1]:
-        raise ConfigError(f"{_show(path)} extends itself: {_show(' -> '.join(seen), 1000)}")
-    if len(seen) > _MAX_EXTENDS:
-        raise ConfigError(f"more than {_MAX_EXTENDS} files extend each other; the last is {_show(path)}")
-    if path.suffix == ".json":
-        return [(str(path), _add_folder(_read_result(path), path.parent))]
-    table = _add_folder(_read_toml(path), path.parent)
-    base = table.pop("extends", base)
-    if not isinstance(base, str):
-        raise ConfigError(
-            f"{_show(path)}: 1 error\nextends   should be the name of a preset or a path (got {quoted(base)})"
-        )
-    for name, key in _PATHS:
-        own = table.get(name)
-        if isinstance(own, dict) and isinstance(own.get(key), str):
-            own[key] = str(path.parent / _path(own[key], f"{_show(path)}: {name}.{key}"))
-    if not is_path(base):
-        try:
-            return [*_read_preset(base), (str(path), table)]
-        except ConfigError as error:
-            raise ConfigError(f"{_show(path)} extends '{_show(base)}': {error}") from error
-    extended = path.parent / _path(base, f"{_show(path)}: extends")
-    try:
-        # An extended file builds on the preset "embedded", independently of the preset given for this one.
-        return [*_read_file(extended, "embedded", seen), (str(path), table)]
-    except ConfigError as error:
-        message = f"{_show(path)} extends '{_show(base)}': {error}"
-        raise ConfigError(shorten(message, 3000)) from error
-
-
-def _add_folder(table: dict[str, Any], folder: Path) -> dict[str, Any]:
+def add_folder(table: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Add the config's folder to the names of classes in local files, so that any working folder finds them."""
     for choice in (table.get(interface) for interface in INTERFACES):
         if isinstance(choice, dict) and isinstance(choice.get("backend"), str):
@@ -178,61 +123,11 @@ def _add_folder(table: dict[str, Any], folder: Path) -> dict[str, Any]:
     return table
 
 
-def _read_toml(path: Path) -> dict[str, Any]:
-    text = _read_text(path, "name a TOML file")
-    try:
-        return parse_toml(text)
-    except InvalidTextError as error:
-        if path.suffix in _YAML or _YAML_LINE.match(text):
-            raise ConfigError(
-                f"{_show(path)} is YAML, but TOML is needed: write [inpainter] on a line, and "
-                'backend = "telea" below it'
-            ) from error
-        raise ConfigError(f"{_show(path)} is not valid TOML: {_show(error, 500)}") from error
-
-
-def _read_result(path: Path) -> dict[str, Any]:
-    """Read the configuration that is stored in a ``reconstruction.json``."""
-    try:
-        document = parse_json(_read_text(path, "name the reconstruction.json of a run"))
-    except ValueError as error:
-        raise ConfigError(f"{_show(path)} is not valid JSON: {_show(error, 500)}") from error
-    table = document.get("config") if isinstance(document, dict) else None
-    if not isinstance(table, dict) or not table:
-        raise ConfigError(
-            f"{_show(path)} holds no configuration: name the reconstruction.json of a run, or a TOML file"
-        )
-    if problems := check_values(table):  # from_json is recursive
-        from physic_core.configuration.problem_text import config_error
-
-        raise config_error(problems, lambda _: str(path), str(path))
-    numbers: dict[str, Any] = from_json(table)
-    return numbers
-
-
-def _read_text(path: Path, advice: str) -> str:
-    title = f"cannot read the config {_show(path)}"
-    limit = _MAX_BYTES.get(path.suffix, _MAX_BYTES[".toml"])
-    try:
-        status = path.stat()
-        if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):  # reading a pipe would block
-            raise ConfigError(f"{title}: it is not a regular file; {advice}")
-        if status.st_size > limit and stat.S_ISREG(status.st_mode):
-            raise ConfigError(f"{title}: it has {status.st_size:,} bytes, more than {limit:,}; {advice}")
-        return path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise ConfigError(f"no config file at {_show(path)}: check the path") from None
-    except OSError as error:
-        raise ConfigError(f"{title}: {error.strerror}; {advice}") from error
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"{title}: {error}; save it as UTF-8") from error
-
-
 def _parse_override(text: str) -> dict[str, Any]:
     key, equals, value = text.partition("=")
     if not equals or not re.fullmatch(r"\s*[\w-]+(\.[\w-]+)*\s*", key, re.ASCII):
-        raise ConfigError(f"--set needs KEY=VALUE such as inpainter.backend=telea (got '{_show(text)}')")
-    return _assignment(key.strip(), value, f"--set {_show(text)}")
+        raise ConfigError(f"--set needs KEY=VALUE such as inpainter.backend=telea (got '{shown(text)}')")
+    return _assignment(key.strip(), value, f"--set {shown(text)}")
 
 
 def _assignment(path: str, value: str, label: str) -> dict[str, Any]:
@@ -241,7 +136,7 @@ def _assignment(path: str, value: str, label: str) -> dict[str, Any]:
         parsed = parse_toml(f"value = {value}")
     except InvalidTextError as error:
         if not re.fullmatch(r"[\w./~:+-]+", value.strip()):
-            message = f"the value is not valid TOML ({_show(error, 500)})"
+            message = f"the value is not valid TOML ({shown(error, 500)})"
             raise ConfigError(f"{label}: {message}; texts need quotes") from error
         parsed = {"value": value.strip()}
     if list(parsed) != ["value"]:
@@ -252,18 +147,8 @@ def _assignment(path: str, value: str, label: str) -> dict[str, Any]:
     return dict(table)
 
 
-def _path(text: str, title: str = "config") -> Path:
-    """Return the path that a text names, with the home folder for ``~``; ``~name`` is kept if it has none.
-
-    Raises:
-        ConfigError: the text has a null character.
-    """
-    if "\0" in text:
-        raise ConfigError(f"{title}: a path has no null character (got {quoted(text)})")
-    return Path(os.path.expanduser(text))  # unlike Path.expanduser, it never raises
-
-
-def _show(text: object, limit: int = 200) -> str:
+def shown(text: object, limit: int = 200) -> str:
+    """Return a text of the user for a message."""
     return printable(shorten(str(text), limit))
 
 

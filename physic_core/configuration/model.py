@@ -36,8 +36,8 @@ from physic_core.configuration.layers import (
     is_path,
     merge_layers,
     override_layers,
+    preset_layers,
     preset_names,
-    read_layers,
     source_of,
 )
 from physic_core.configuration.problems import Problem, ProblemReport
@@ -387,8 +387,14 @@ def load_config(
         ConfigError: the configuration is invalid; the message lists all errors.
     """
     base = preset or DEFAULT_PRESET
+    if file is None:
+        lowest = preset_layers(base)
+    else:
+        from physic_core.configuration.config_files import read_layers
+
+        lowest = read_layers(file, base)
     layers = [
-        *read_layers(file, base),
+        *lowest,
         *environment_layers(os.environ if environment is None else environment),
         *override_layers(overrides),
         *(flags or {}).items(),
