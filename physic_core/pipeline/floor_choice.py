@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.engine.sizes import scales_by_soles, scales_by_torsos, standing_scores
 from physic_core.types import Plane
 
 if TYPE_CHECKING:
@@ -68,6 +67,9 @@ def choose_floor(
         model: of the bodies.
         lifted_sigmas: standard deviations from standing, beyond which feet are over the floor.
     """
+    # Imported here: it imports torch, which a thread imports while the first network runs.
+    from physic_core.engine.sizes import scales_by_soles, scales_by_torsos, standing_scores
+
     people, photo, bodies = hints.people, hints.original, hints.bodies
     count = 0 if people is None else len(people)
     unknown = np.full(count, np.nan)
