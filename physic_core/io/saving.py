@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +22,6 @@ from physic_core.io.result_folder import (
     REPORT_FILE,
     check_overwrite,
     digest_of,
-    file_digest,
     unchanged_result_files,
 )
 from physic_core.io.saved_files import Saving
@@ -107,10 +108,10 @@ def _save_result(
     names += [*([PREVIEW_FILE] if saving.preview else []), *beside]
     check_overwrite(folder, photos, overwrite=overwrite, names=names)
     folder = check_writable(folder)
-    # Pictures are made before the folder is locked.
-    pictures, failure = _pictures(reconstruction, saving)
-    further = {name: pictures[name] for name in names if name in pictures} | dict(beside)
-    written = _write(reconstruction, folder, stored, further, photos, overwrite=overwrite)
+    # All contents are made before the folder is locked.
+    contents, failure = _contents(reconstruction, saving, stored)
+    contents = {name: contents[name] for name in names if name in contents} | dict(beside)
+    written = _write(reconstruction, folder, stored, contents, photos, overwrite=overwrite)
     if failure is not None:
         raise failure
     return written
@@ -138,26 +139,39 @@ class _StoredArrays:
     specs: tuple[Sequence[ArraySpec], Sequence[ArraySpec]]
     uncompressed: str = ""
 
+    def content(self) -> bytes:
+        """Return the content of their file."""
+        stream = BytesIO()
+        write_arrays(stream, self.arrays, stored=self.uncompressed)
+        return stream.getvalue()
+
 
 def _write(
     reconstruction: Reconstruction,
     folder: Path,
     stored: _StoredArrays,
-    further: Mapping[str, bytes],
+    contents: Mapping[str, bytes],
     photos: str,
     *,
     overwrite: bool,
 ) -> tuple[Path, ...]:
-    """Write document, arrays and further files, all or none; delete unchanged files of an earlier result."""
-    names = [DOCUMENT_FILE, stored.file, *further]
+    """Write the document and the contents of all other files, all or none; delete unchanged files of an earlier result.
+
+    Args:
+        reconstruction: of the document.
+        folder: exists.
+        stored: arrays that the document describes.
+        contents: by file name; the arrays are first.
+        photos: digests of the photos whose earlier results are replaced.
+        overwrite: whether to replace another photo's result, or changed files of a result.
+    """
+    names = [DOCUMENT_FILE, *contents]
     with atomic_write(folder, index=DOCUMENT_FILE) as temporary:
         check_overwrite(folder, photos, overwrite=overwrite, names=names)
         for name in unchanged_result_files(folder).difference(names):
             temporary.remove(name)
-        document_file, arrays_file = temporary(DOCUMENT_FILE), temporary(stored.file)
-        write_arrays(arrays_file, stored.arrays, stored=stored.uncompressed)
-        digests = {stored.file: file_digest(arrays_file)}
-        for name, content in further.items():
+        document_file, digests = temporary(DOCUMENT_FILE), dict[str, str]()
+        for name, content in contents.items():
             temporary(name).write_bytes(content)
             digests[name] = digest_of(content)
         document = to_document(reconstruction, names, digests, stored.specs)
@@ -165,24 +179,31 @@ def _write(
     return tuple(folder / name for name in names)
 
 
-def _pictures(reconstruction: Reconstruction, saving: Saving) -> tuple[dict[str, bytes], Exception | None]:
-    """Return GLB files and preview by name, and the error if they cannot be made."""
-    if saving.glb == "none" and not saving.preview:
-        return {}, None
+def _contents(
+    reconstruction: Reconstruction, saving: Saving, stored: _StoredArrays
+) -> tuple[dict[str, bytes], Exception | None]:
+    """Return the contents of the arrays' file, the GLB files and the preview, and the error if a picture fails."""
     from threadpoolctl import threadpool_limits
 
-    try:
-        # Matrices of three columns: other threads of BLAS would take as much processor time again, waiting.
-        with threadpool_limits(limits=1, user_api="blas"):
-            made = dict[str, bytes]()
+    pictures = dict[str, bytes]()
+    # A second thread draws the preview, which takes as long as all else. Matrices of three columns: further threads of
+    # BLAS would take as much processor time again, waiting.
+    with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(1, "preview") as second:
+        preview = second.submit(_preview, reconstruction) if saving.preview else None
+        arrays = {stored.file: stored.content()}
+        try:
             if saving.glb != "none":
                 from physic_core.visual.glb import glb_files
 
-                made |= glb_files(reconstruction, parts=saving.glb == "all")
-            if saving.preview:
-                from physic_core.visual.preview import preview_png
+                pictures |= glb_files(reconstruction, parts=saving.glb == "all")
+            if preview is not None:
+                pictures[PREVIEW_FILE] = preview.result()
+        except Exception as error:
+            return arrays, error
+    return arrays | pictures, None
 
-                made[PREVIEW_FILE] = preview_png(reconstruction)
-    except Exception as error:
-        return {}, error
-    return made, None
+
+def _preview(reconstruction: Reconstruction) -> bytes:
+    from physic_core.visual.preview import preview_png
+
+    return preview_png(reconstruction)

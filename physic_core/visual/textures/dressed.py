@@ -10,6 +10,7 @@ import weakref
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache, wraps
+from threading import Lock
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -63,14 +64,16 @@ class DressedBodies:
 
 
 def _kept_for_next_picture(make: Callable[[Reconstruction], _Made]) -> Callable[[Reconstruction], _Made]:
-    """Keep what is made of the last result, of which preview, GLB and page are made one after the other."""
+    """Keep what is made of the last result, for its preview, GLB and page; threads that draw them share it."""
     last: list[tuple[weakref.ref[Reconstruction], _Made]] = []
+    making = Lock()
 
     @wraps(make)
     def kept(result: Reconstruction) -> _Made:
-        if not last or last[0][0]() is not result:
-            last[:] = [(weakref.ref(result), make(result))]
-        return last[0][1]
+        with making:
+            if not last or last[0][0]() is not result:
+                last[:] = [(weakref.ref(result), make(result))]
+            return last[0][1]
 
     return kept
 
