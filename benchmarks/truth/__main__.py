@@ -48,6 +48,8 @@ def main() -> int:
     options = ["--preset", given.preset, *(part for setting in given.settings for part in ("--set", setting))]
     if given.no_run:
         samples = [s for s in samples if (given.out / "answers" / s.set / f"{s.name}.json").exists()]
+        if not samples:
+            parser.error(f"{given.out} has no answer to any of these photos: run without --no-run first")
 
     def run(sample: Sample) -> dict[str, Any]:
         answer = answer_of(sample, given.out, options, with_camera=not given.no_camera)
