@@ -18,6 +18,7 @@ from physic_core.errors import BodyModelError
 from physic_core.geometry.coarse_mesh import CoarseMesh, coarse_mesh
 from physic_core.geometry.mesh import faces_of_vertices
 from physic_core.geometry.tensors import to_device
+from physic_core.types.per_person import PER_PERSON
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import Skeleton, skeleton_named
 
@@ -34,9 +35,9 @@ class BodyOutput(ShortRepr):
         world: (B, 55, 3, 3) rotation of each bone against the T-pose.
     """
 
-    vertices: Tensor
-    joints: Tensor
-    world: Tensor
+    vertices: Tensor = field(metadata=PER_PERSON)
+    joints: Tensor = field(metadata=PER_PERSON)
+    world: Tensor = field(metadata=PER_PERSON)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -119,3 +119,30 @@ def test_the_term_has_the_values_and_gradients_of_its_equation(apart):
         slope = (value(vertices + step) - value(vertices - step))[0] / 2e-6
     torch.testing.assert_close(slope, of_pair.norm(), rtol=1e-6, atol=0.0)
     assert int((of_pair != 0).any(-1).sum()) == 2
+
+
+def test_a_join_is_decided_among_the_people_who_touch(apart, make_stage):
+    """A third person far away changes neither the others nor themselves."""
+    three = make_stage([({}, (-0.36, 0.0, 3.0)), ({}, (0.36, 0.0, 3.25)), ({}, (3.0, 0.0, 6.0))])
+    two = apart.problem
+    free = {name: getattr(two, name) for name in ("floor_normal", "scene_points", "scene_normals", "human_depth")}
+    settings = adjusted(DEFAULT, frozen=("scale",))
+    pair, everybody = (optimize(p, settings) for p in (two, replace(three.problem, **free)))
+    without = optimize(replace(three.problem, **free), adjusted(settings, joins__weight=0.0))
+    assert everybody.losses["joins"][1] == pytest.approx(pair.losses["joins"][1], abs=0.02)
+    assert hand_gap_m(two, everybody.vertices) < 0.01
+    assert torch.equal(everybody.vertices[2], without.vertices[2])
+
+
+def test_the_energy_of_some_people_is_their_part_of_that_of_all(make_stage):
+    problem = make_stage([({}, (-0.5, 0.0, 3.0)), ({}, (0.5, 0.0, 3.2)), ({}, (1.5, 0.0, 4.0))]).problem
+    energy, rows = JointEnergy(problem.to_model_dtype(), DEFAULT), torch.tensor([2, 0])
+    with torch.no_grad():
+        for group, value in energy.state.values.items():
+            if group != "scale":
+                value += 0.01
+        energy.refresh()
+        of_all, of_some = energy(), energy.of_people(rows)()
+    assert of_all.keys() <= of_some.keys()
+    for name in of_all.keys() - {"scale"}:
+        torch.testing.assert_close(of_some[name], of_all[name][rows], rtol=1e-6, atol=1e-9, msg=name)

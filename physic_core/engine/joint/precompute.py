@@ -29,6 +29,7 @@ _CONTACT_PROBABILITY = 0.5  # at least, of a contact vertex
 @torch.no_grad()
 def precompute(problem: JointProblem, method: JointMethod) -> JointContext:
     """Compute the constants of one joint optimisation of a problem with finite people only."""
+    person_weights = method.weigh_people(problem)
     problem, model = method.prepare(problem), problem.model
     start = model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0)
     observed = problem.observed_anywhere
@@ -44,6 +45,7 @@ def precompute(problem: JointProblem, method: JointMethod) -> JointContext:
     faces, around = faces_around_vertices(model.faces, model.faces_of_vertices[ids])
     context = JointContext(
         problem=problem,
+        person_weights=person_weights,
         visibility=method.visibility,
         search_radius_m=method.search_radius_m,
         reach_m=torch.where(sits, method.seat_reach_m, method.search_radius_m)[:, ids],

@@ -270,6 +270,19 @@ class State:
             [people.new_zeros(0), *(none if g == "scale" else next(columns).reshape(-1) for g in self.free)]
         )
 
+    @torch.no_grad()
+    def copy_selected(self, state: State, rows: Tensor) -> None:
+        """Set all parameters to those of some people, ``rows`` (B,) int64 of another state, and of its scene."""
+        for group, value in self.values.items():
+            value.copy_(state.values[group] if group == "scale" else state.values[group][rows])
+
+    @torch.no_grad()
+    def copy_into(self, state: State, rows: Tensor) -> None:
+        """Set the parameters of some people, ``rows`` (B,) int64 of another state, to those of this state."""
+        for group, value in self.values.items():
+            if group != "scale":
+                state.values[group][rows] = value
+
     @property
     def num_people(self) -> int:
         """Number of people B."""

@@ -6,7 +6,8 @@ and without contact: :mod:`physic_core.engine.joint.hypotheses`. Camera frame, m
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import torch
@@ -63,6 +64,10 @@ class Join:
         row, column = divmod(int(distance.argmin()), len(self.other_rows))
         return float(distance[row, column]), int(self.rows[row]), int(self.other_rows[column])
 
+    def among(self, people: Sequence[int]) -> Join:
+        """Return the join of a problem that has some of the people alone."""
+        return replace(self, person=people.index(self.person), other=people.index(self.other))
+
 
 @torch.no_grad()
 def find_joins(settings: JoinSettings, context: JointContext, vertices: Tensor) -> list[Join]:
@@ -111,12 +116,11 @@ class JoinTerm(Term):
     The vertices are found at each refresh, and kept until the next one.
 
     Attributes:
-        joins: those that are assumed; none at first.
+        joins: those that are assumed.
     """
 
-    def __init__(self, settings: JoinSettings) -> None:
-        self.settings = settings
-        self.joins: tuple[Join, ...] = ()
+    def __init__(self, settings: JoinSettings, joins: tuple[Join, ...] = ()) -> None:
+        self.settings, self.joins = settings, joins
         self._pairs: list[tuple[int, int]] = []
 
     @property

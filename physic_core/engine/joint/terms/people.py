@@ -79,7 +79,7 @@ class PeopleTerm(Term):
     @property
     def links(self) -> Tensor:
         """Pairs (p, 2) int64 of people with vertices near each other."""
-        return torch.stack([self.pairs.person, self.pairs.other], 1)
+        return torch.stack([self.pairs.person, self.pairs.other], 1) if self._is_on else super().links
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Find the pairs of vertices near each other, and those that touch."""
