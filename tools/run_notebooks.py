@@ -46,7 +46,9 @@ def tidy(output: Any) -> None:
 def execute(path: Path) -> Any:
     """Return the notebook with the outputs of the code at hand."""
     notebook = nbformat.read(path, as_version=4)
-    NotebookClient(notebook, timeout=600, resources={"metadata": {"path": str(FOLDER)}}).execute()
+    NotebookClient(
+        notebook, timeout=600, coalesce_streams=True, resources={"metadata": {"path": str(FOLDER)}}
+    ).execute()
     for cell in notebook.cells:
         cell.metadata.clear()
         if cell.cell_type == "code":
