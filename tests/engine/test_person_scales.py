@@ -83,3 +83,9 @@ def test_a_torso_that_is_not_visible_and_a_body_that_is_not_finite_give_no_scale
     photo, mask = photo_of(vertices, model)
     assert np.isnan(scales_by_torsos(vertices, model, mask & False, photo, K)).all()
     assert np.isnan(scales_by_torsos(vertices * np.nan, model, mask, photo, K)).all()
+
+
+def test_a_torso_at_infinity_in_the_point_map_gives_no_scale(model):
+    vertices = standing(model)
+    photo, mask = photo_of(vertices, model, farther=np.inf)
+    assert np.isnan(scales_by_torsos(vertices, model, mask, photo, K)).all()

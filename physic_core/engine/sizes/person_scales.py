@@ -68,7 +68,7 @@ def scales_by_torsos(
         camera: (3, 3) px.
 
     Returns:
-        (N,) NaN for people whose torso is not visible.
+        (N,) NaN for people whose torso is not visible, or mostly at infinity in the point map.
     """
     faces = model.faces.cpu().numpy()
     torso = model.part_of_vertex.cpu().numpy()[faces[:, 0]] == model.part_names.index("torso")
@@ -119,7 +119,8 @@ def _scale_by_torso(
         return float("nan")
     # The ray's direction has z = 1, so the distance along it is the depth.
     ratio = hits.distance[on_torso] / photo.points[rows[on_torso], columns[on_torso], 2]
-    return float(np.median(ratio[np.isfinite(ratio)]))
+    scale = float(np.median(ratio[np.isfinite(ratio)]))
+    return scale if scale > 0 else float("nan")
 
 
 def _erode(mask: BoolArray) -> BoolArray:
