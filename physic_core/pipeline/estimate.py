@@ -390,7 +390,7 @@ class _BackendCalls:
         try:
             return self.stages.call_backend("metric depth", self.backends["metric_depth"], request), ""
         except NoPersonError:
-            from physic_core.pipeline.unknown_scale import guess_metric_depth
+            from physic_core.engine.sizes.unknown_scale import guess_metric_depth
 
             return guess_metric_depth(scene, request.hints.floor, camera)
 

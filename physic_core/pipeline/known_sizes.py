@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body.posture import standing_legs
-from physic_core.engine.sizes import stature_sigmas
-from physic_core.engine.sizes.people_in_scene import CONTRADICTION, FACTOR_SPREAD, STATURES_M
+from physic_core.engine.sizes.evidence import CONTRADICTION
+from physic_core.engine.sizes.people_in_scene import size_beside_others
+from physic_core.engine.sizes.stature import STATURES_M, stature_sigmas
 from physic_core.errors import ConfigError
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.pipeline.checks.specs import CHECKS
@@ -202,9 +203,7 @@ def _compare_statures(
 ) -> list[dict[str, float | None]]:
     """Compare each person's stature of the given age or size with what the photo shows.
 
-    The joint fit divides a contradiction between all people, or leaves people above the floor. So the photo shows a
-    person as large as the result that stands on the floor, less the growth of the others, weighed by their errors. A
-    scene that the user's sizes have scaled cannot grow.
+    The joint fit leaves some people above the floor: the photo shows these as large as bodies that stand on it.
 
     Args:
         given: ages and statures of N people.
@@ -222,17 +221,15 @@ def _compare_statures(
     unknown = np.full(len(before), np.nan)
     years, stature = (unknown if known is None else known for known in (given.years, given.stature))
     sigma = stature_sigmas(stature, years)
-    weight = np.where(np.isfinite(after), 1 / (sigma**2 + FACTOR_SPREAD**2), 0.0)
-    growth = np.nan_to_num(after - before)
     found: list[dict[str, float | None]] = [{} for _ in before]
     for i in np.flatnonzero((np.isfinite(years) | np.isfinite(stature)) & np.isfinite(after)).tolist():
-        others = np.delete(weight, i)
-        # In a scene of unknown size, the size of a single person is that of the fit.
-        common, variance = 0.0, 0.0
-        if others.sum() and not is_sized:
-            common, variance = float(np.average(np.delete(growth, i), weights=others)), 1 / float(others.sum())
-        shown = after[i] - common
-        spread = math.sqrt(sigma[i] ** 2 + FACTOR_SPREAD**2 + variance)
+        # A scene that the user's sizes have scaled does not grow with its people.
+        alone = slice(i, i + 1)
+        shown, spread = (
+            size_beside_others(before[alone], after[alone], sigma[alone], 0)
+            if is_sized
+            else size_beside_others(before, after, sigma, i)
+        )
         found[i] = {
             "given_stature_m": math.exp(before[i]),
             "shown_stature_m": math.exp(shown),

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.stage_runner import StageRunner
 
-_EXACT_SCALE_SIGMA = 0.01  # of the log scale of a scene that the user's sizes have scaled
-
 
 def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel, stages: StageRunner) -> Solution:
     """Run scene, placement, joint optimisation and contact on the device of the body model.
@@ -40,10 +38,10 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
         scene = solve_scene(given.scene, settings.scene)
         known = sized_scene(estimates, given.detections.masks, scene)
         scene = scene if known is None else known.scene
-    is_sized = known is not None and known.factor is not None
-    if estimates.scale_guess and not is_sized:
+    sized = None if known is None else known.evidence
+    if estimates.scale_guess and sized is None:
         stages.warn(estimates.scale_guess)
-    scale_sigma = _EXACT_SCALE_SIGMA if is_sized else estimates.depth.scale_sigma
+    scale_sigma = estimates.depth.scale_sigma if sized is None else sized.sigma
     if not len(estimates.people):
         return scene_alone(estimates, scene, model, scale_sigma)
     with stages.time_engine("placement"):
@@ -65,6 +63,6 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
         return solution
     from physic_core.pipeline.known_sizes import compare_sizes
 
-    warnings, solution = compare_sizes(estimates, solution, scene, problem, result, is_sized=is_sized)
+    warnings, solution = compare_sizes(estimates, solution, scene, problem, result, is_sized=sized is not None)
     stages.warn(*warnings)
     return solution

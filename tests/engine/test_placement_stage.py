@@ -12,6 +12,7 @@ from physic_core.engine.placement.detections import ObservedPeople
 from physic_core.engine.placement.human_points import PhotoPoints
 from physic_core.engine.placement.solve import EstimatedBodies, PlacementInput, solve_placement
 from physic_core.engine.scene.solve import SceneState
+from physic_core.engine.sizes.evidence import ScaleEvidence
 from physic_core.engine.sizes.known_sizes import KnownDistances, KnownGeometry, KnownScene, scale_scene
 from physic_core.geometry.alignment import Alignment
 from physic_core.geometry.camera import pixel_rays
@@ -103,7 +104,8 @@ def test_heights_over_the_floor_grow_with_the_scene(given, known):
 
 def test_people_are_resized_to_a_scene_of_known_size(given, known):
     scene, geometry = scale_scene(given.scene, known, 1.1)
-    found = solve_placement(replace(given, scene=scene, known=KnownScene(scene, given.scene, geometry, 1.1)), DEFAULT)
+    known = KnownScene(scene, given.scene, geometry, ScaleEvidence.by_known_size(1.1, 1.0))
+    found = solve_placement(replace(given, scene=scene, known=known), DEFAULT)
     before, after = (b.model.stature(b.betas) for b in (given.bodies, found.bodies))
     assert found.size_ratio.tolist() == pytest.approx([1.1], rel=0.02)
     assert 1.02 < float(after / before) < 1.1

@@ -10,7 +10,8 @@ import torch
 
 from physic_core import engine_preset
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.sizes import STATURE_SIGMA, linearise_stature, stature_prior
+from physic_core.engine.sizes import linearise_stature, stature_prior
+from physic_core.engine.sizes.stature import STATURE_SIGMA
 
 from .adjusted import adjusted
 

@@ -20,7 +20,7 @@ from physic_core.cli import main
 from physic_core.engine.sizes import betas_with_stature
 from physic_core.engine.sizes.body_points import vertices_at_ray
 from physic_core.engine.sizes.known_sizes import KnownDistances, KnownGeometry
-from physic_core.engine.sizes.people_in_scene import stature_factor
+from physic_core.engine.sizes.stature import stature_factor
 from physic_core.errors import ConfigError
 from physic_core.pipeline.known_people import bodies_of_stature, known_people
 from physic_core.types import Bodies, People

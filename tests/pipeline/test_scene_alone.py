@@ -60,9 +60,9 @@ def test_a_metric_depth_that_needs_people_leaves_the_scale_unknown(world: World)
     config = load_config(preset="mock", overrides=[*MOCK, "metric_depth.backend=own", "metric_depth.options={}"])
     result = reconstruct(world.empty_image, config, registry=registry_with("metric_depth", NeedsPeople))
     assert result.scene.scale_sigma is None
-    assert result.scene.floor.offset == pytest.approx(1.5, abs=0.02)
+    assert result.scene.floor.offset == pytest.approx(1.45, abs=0.02)
     assert (
-        "the scale is unknown, since no person gives it: the camera is assumed 1.5 m above the floor; "
+        "the scale is unknown, since no person gives it: the camera is assumed 1.45 m above the floor; "
         "use a network for metric depth to get metres"
     ) in result.warnings
     known = load_config(

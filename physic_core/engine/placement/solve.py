@@ -206,7 +206,7 @@ def _size_by_scene(given: PlacementInput, scene: SceneState, method: PlacementMe
 
 def _resized(bodies: EstimatedBodies, ratio: Tensor, known_stature: Tensor) -> EstimatedBodies:
     """Resize people of unknown stature by the factors (B,) of :func:`size_by_scene`."""
-    from physic_core.engine.sizes.people_in_scene import stature_factor
+    from physic_core.engine.sizes.stature import stature_factor
 
     own = bodies.model.stature(bodies.betas)
     wanted = torch.where(torch.isfinite(known_stature.to(own)), own, own * stature_factor(ratio, own))

@@ -1,13 +1,14 @@
 """Evidence of the size of people and scenes: soles, torsos, statures, and the sizes that the user knows.
 
-What compares with sizes of the user, :mod:`.known_sizes` and :mod:`.people_in_scene`, is imported when some are given.
+:mod:`.evidence` states each kind as a logarithm of the scale with its sigma. :mod:`.known_sizes` and
+:mod:`.people_in_scene`, which compare with sizes of the user, are imported when some are given, and
+:mod:`.unknown_scale` when nothing is known.
 """
 
 from physic_core.engine.sizes.person_scales import scales_by_soles, scales_by_torsos, standing_scores
 from physic_core.engine.sizes.scale_vote import PeopleVote, PersonScales, ScaleRule, scale_by_people
 from physic_core.engine.sizes.stature import (
     ADULT_STATURE_M,
-    STATURE_SIGMA,
     adult_shape,
     betas_with_stature,
     linearise_stature,
@@ -18,7 +19,6 @@ from physic_core.engine.sizes.stature import (
 
 __all__ = [
     "ADULT_STATURE_M",
-    "STATURE_SIGMA",
     "PeopleVote",
     "PersonScales",
     "ScaleRule",

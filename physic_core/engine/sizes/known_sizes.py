@@ -15,6 +15,7 @@ from torch import Tensor
 
 from physic_core.engine.scene.solve import SceneState
 from physic_core.engine.sizes.body_points import BodyPoint, vertices_at_ray
+from physic_core.engine.sizes.evidence import ScaleEvidence, combine
 from physic_core.types import KnownSizes
 from physic_core.types.short_repr import ShortRepr
 
@@ -110,13 +111,18 @@ class KnownScene(ShortRepr):
         scene: scaled.
         unscaled: the same by stage 1.
         geometry: known sizes in ``scene``.
-        factor: on the scene; None if no size gives it, and nothing was scaled.
+        evidence: of the factor on the scene; None if no size gives it, and nothing was scaled.
     """
 
     scene: SceneState
     unscaled: SceneState
     geometry: KnownGeometry
-    factor: float | None
+    evidence: ScaleEvidence | None
+
+    @property
+    def factor(self) -> float | None:
+        """Factor on the scene, or None."""
+        return None if self.evidence is None else math.exp(self.evidence.log_scale)
 
 
 def scale_scene_to_known_sizes(
@@ -124,7 +130,7 @@ def scale_scene_to_known_sizes(
 ) -> KnownScene:
     """Scale the scene to known sizes, if they give its scale.
 
-    The factor is the geometric mean of those by the camera height and by each length whose ends are both on the scene.
+    The camera height and each length whose ends are both on the scene are evidence of it.
 
     Args:
         known: pixels in px of the image.
@@ -133,18 +139,19 @@ def scale_scene_to_known_sizes(
         scene: stage 1.
     """
     geometry = _known_geometry(known, stature, masks, scene)
-    logs = []
+    evidence = []
     if known.camera_height is not None and scene.floor_normal is not None:
-        logs.append(math.log(known.camera_height / scene.floor_offset))
+        evidence.append(ScaleEvidence.by_known_size(known.camera_height, scene.floor_offset))
     d = geometry.distances
     on_scene = (d.person < 0).all(1)
     extent = torch.linalg.vector_norm(d.points[on_scene, 0] - d.points[on_scene, 1], dim=-1)
-    logs += (d.metres[on_scene] / extent.clamp(min=1e-6)).log().tolist()
-    if not logs:
+    shown = zip(d.metres[on_scene].tolist(), extent.clamp(min=1e-6).tolist(), strict=True)
+    evidence += [ScaleEvidence.by_known_size(metres, length) for metres, length in shown]
+    found = combine(evidence)
+    if found is None:
         return KnownScene(scene, scene, geometry, None)
-    factor = math.exp(sum(logs) / len(logs))
-    scaled, geometry = scale_scene(scene, geometry, factor)
-    return KnownScene(scaled, scene, geometry, factor)
+    scaled, geometry = scale_scene(scene, geometry, math.exp(found.log_scale))
+    return KnownScene(scaled, scene, geometry, found)
 
 
 def _known_geometry(known: KnownSizes, stature: Sequence[float], masks: Tensor, scene: SceneState) -> KnownGeometry:

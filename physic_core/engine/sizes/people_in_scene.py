@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from physic_core.engine.sizes.stature import STATURE_SIGMA
+from physic_core.engine.sizes.evidence import FACTOR_SPREAD
 
-_CERTAIN = 0.2  # log factor beyond which a person is not an adult of the prior, such as a child
-FACTOR_SPREAD = 0.05
-"""Standard deviation of the logarithm of one size in the photo by another."""
-CONTRADICTION = 3 * FACTOR_SPREAD
-"""Difference of logarithms beyond which the photo contradicts a given size: three standard errors."""
-STATURES_M = (0.5, 2.2)
-"""Limits of the stature of people whose size follows from the scene."""
+if TYPE_CHECKING:
+    from physic_core.types import FloatArray
 
 
 def size_by_scene(
@@ -50,18 +47,21 @@ def size_by_scene(
     return torch.where(torch.isfinite(by_floor), by_floor, by_points / too_far)
 
 
-def stature_factor(measured: Tensor, stature: Tensor) -> Tensor:
-    """Return the factor (B,) on the estimated statures of people in a scene of known scale.
+def size_beside_others(before: FloatArray, after: FloatArray, sigma: FloatArray, person: int) -> tuple[float, float]:
+    """Return the log size of a person as the photo shows it beside the others, and its standard deviation.
 
-    The estimate is a prior of adults, and the scene measures each person with an error. Both are combined by their
-    spreads, unless they differ so much that the prior cannot hold.
+    The joint fit divides a contradiction between all people. So the photo shows a person as large as the result, less
+    the growth of the others, weighed by their errors.
 
     Args:
-        measured: (B,) factor on the size of each person by the scene, NaN where unknown.
-        stature: (B,) metres, estimated.
+        before: (N,) log sizes before the fit.
+        after: (N,) log sizes by the fit, NaN where unknown.
+        sigma: (N,) expected errors of ``before``.
+        person: row.
     """
-    log = torch.nan_to_num(measured, nan=1.0).log()
-    trust = STATURE_SIGMA**2 / (STATURE_SIGMA**2 + FACTOR_SPREAD**2)
-    share = 1 - (1 - trust) * torch.exp(-(log / _CERTAIN).square())
-    least, most = (limit / stature for limit in STATURES_M)
-    return (log * share).exp().clamp(least.clamp(max=1.0), most.clamp(min=1.0))
+    weight = np.delete(np.where(np.isfinite(after), 1 / (sigma**2 + FACTOR_SPREAD**2), 0.0), person)
+    spread = sigma[person] ** 2 + FACTOR_SPREAD**2
+    if not weight.sum():
+        return float(after[person]), float(np.sqrt(spread))
+    common = np.average(np.delete(np.nan_to_num(after - before), person), weights=weight)
+    return float(after[person] - common), float(np.sqrt(spread + 1 / weight.sum()))

@@ -125,7 +125,7 @@ def _are_seen_well(soles: FloatArray, torsos: FloatArray, weights: FloatArray) -
 
 
 def vote_on_scale(
-    scales: FloatArray, depths: FloatArray, weights: FloatArray, sigma: float, shift_sigma: float
+    scales: FloatArray, depths: FloatArray, weights: FloatArray, sigma: FloatArray | float, shift_sigma: float
 ) -> ScaleVote:
     """Return the scale and shift with the least robust cost.
 
@@ -133,15 +133,18 @@ def vote_on_scale(
         scales: (N,) m of each voter, metres per unit; NaN for people who do not vote.
         depths: (N,) z of each voter, metres.
         weights: (N,) > 0, how well the photo shows each voter.
-        sigma: standard deviation of log(m).
+        sigma: standard deviation of log(m), of all or (N,); the most certain voters dominate.
         shift_sigma: standard deviation of the shift, 1 / unit; 0 if it is known.
     """
     voters = np.isfinite(scales)
-    m, z, weight = scales[voters], depths[voters], weights[voters] / weights[voters].max()
+    sigmas = np.broadcast_to(sigma, len(scales))[voters]
+    least = float(sigmas.min())
+    m, z, weight = scales[voters], depths[voters], weights[voters] * (least / sigmas) ** 2
+    weight = weight / weight.max()
     shifts = _SHIFTS * shift_sigma if shift_sigma and len(m) > 1 else np.zeros(1)
     candidates = np.log(np.maximum(m + shifts[:, None] * z, 1e-3 * m))  # (T, N)
     # Each voter's own scale is a candidate: cost (T, N candidates).
-    misses = (candidates[:, None, :] - candidates[:, :, None]) / sigma
+    misses = (candidates[:, None, :] - candidates[:, :, None]) / sigmas
     cost = (np.log1p(misses**2) * weight).sum(-1)
     if len(shifts) > 1:
         cost = cost + ((shifts / shift_sigma) ** 2)[:, None]
@@ -149,12 +152,12 @@ def vote_on_scale(
     logs = candidates[row]
     middle = float(logs[best])
     for _ in range(20):
-        kernel = weight / (1 + ((logs - middle) / sigma) ** 2)
+        kernel = weight / (1 + ((logs - middle) / sigmas) ** 2)
         middle = float(np.average(logs, weights=kernel))
     share = weight / weight.sum()
     # Mean absolute deviation, as a standard deviation of the mean of so many voters.
     spread = 1.25 * float((share * np.abs(logs - middle)).sum() * np.sqrt((share**2).sum()))
     outliers = np.zeros(len(scales), bool)
-    outliers[voters] = np.abs(logs - middle) > 3 * sigma
+    outliers[voters] = np.abs(logs - middle) > 3 * sigmas
     split = float(share[outliers[voters]].sum()) > 1 / 3
-    return ScaleVote(float(np.exp(middle)), float(shifts[row]), float(np.hypot(sigma, spread)), outliers, split)
+    return ScaleVote(float(np.exp(middle)), float(shifts[row]), float(np.hypot(least, spread)), outliers, split)

@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 
 from physic_core.body.model import BodyModel
+from physic_core.engine.sizes.evidence import FACTOR_SPREAD
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
@@ -30,6 +31,13 @@ are the soles of a fitted body: 2.5 cm more.
 STATURE_SIGMA = 0.06
 """Expected error of log(stature). With the embedded body's shape prior (0.054) the combined error is 0.04."""
 
+STATURES_M = (0.5, 2.2)
+"""Limits of the stature of people whose size follows from the scene."""
+
+ADULT_NOSE_M, ADULT_ANKLE_M = 1.53, 0.08
+"""Heights over the floor of the nose and the ankles of a standing adult of :data:`ADULT_STATURE_M`."""
+
+_CERTAIN = 0.2  # log factor beyond which a person is not an adult of the prior, such as a child
 _NEWTON_STEPS = 4  # stature is piecewise linear in the shape
 
 
@@ -89,6 +97,23 @@ def stature_sigmas(stature: FloatArray, years: FloatArray) -> FloatArray:
     sigma = np.array([ages.at_age(age)[1] if age < ADULT_YEARS else STATURE_SIGMA for age in years])
     sigma[np.isfinite(stature)] = 0.0
     return sigma
+
+
+def stature_factor(measured: Tensor, stature: Tensor) -> Tensor:
+    """Return the factor (B,) on the estimated statures of people in a scene of known scale.
+
+    The estimate is a prior of adults, and the scene measures each person with an error. Both are combined by their
+    spreads, unless they differ so much that the prior cannot hold.
+
+    Args:
+        measured: (B,) factor on the size of each person by the scene, NaN where unknown.
+        stature: (B,) metres, estimated.
+    """
+    log = torch.nan_to_num(measured, nan=1.0).log()
+    trust = STATURE_SIGMA**2 / (STATURE_SIGMA**2 + FACTOR_SPREAD**2)
+    share = 1 - (1 - trust) * torch.exp(-(log / _CERTAIN).square())
+    least, most = (limit / stature for limit in STATURES_M)
+    return (log * share).exp().clamp(least.clamp(max=1.0), most.clamp(min=1.0))
 
 
 def betas_with_stature(model: BodyModel, betas: Tensor, stature: Tensor) -> Tensor:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.engine.sizes import STATURE_SIGMA
+from physic_core.engine.sizes import stature_sigmas
 from physic_core.engine.sizes.scale_vote import vote_on_scale
 from physic_core.errors import InputError
 from physic_core.types import SolvedCameras
@@ -142,8 +142,10 @@ def _scale(observations: Observations, bundle: Bundle) -> tuple[float, float]:
     alone = np.nanmean(np.where(observations.shown, size, np.nan), axis=0)
     factor, every = np.exp(alone) / _spread(bundle.points), np.ones(len(alone))
     known = np.isfinite(observations.bone_sigma)
+    unknown = np.full(len(alone), np.nan)
     voters = np.where(known, factor, np.nan) if known.any() else factor
-    vote = vote_on_scale(voters, every, every, _KNOWN_BONE if known.any() else STATURE_SIGMA, 0.0)
+    sigma = np.where(known, _KNOWN_BONE, stature_sigmas(unknown, unknown))
+    vote = vote_on_scale(voters, every, every, sigma, 0.0)
     return vote.scale, vote.sigma
 
 

@@ -16,7 +16,6 @@ from physic_core.body.joints import NUM_JOINTS
 from physic_core.configuration.resolve import resolve
 from physic_core.discovery.plugins import discover
 from physic_core.engine.joint.problem import OtherView
-from physic_core.engine.sizes import STATURE_SIGMA
 from physic_core.types import (
     Bodies,
     BodyParameters,
@@ -84,7 +83,7 @@ class ReferenceInput(ShortRepr):
         result = photos[v].result
         scale = scene_scales(solved)[v]
         depth = np.where(result.scene.valid, scale * result.scene.points[..., 2], np.nan).astype(np.float32)
-        sigma = STATURE_SIGMA if solved.scale_sigma is None else max(solved.scale_sigma, _KNOWN_SCALE)
+        sigma = None if solved.scale_sigma is None else max(solved.scale_sigma, _KNOWN_SCALE)
         parts = [person.parameters for person in people]
         parameters = BodyParameters(
             **{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])}

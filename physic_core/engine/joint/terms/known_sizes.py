@@ -10,14 +10,12 @@ from torch import Tensor
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
 from physic_core.engine.sizes import linearise_stature, stature_prior
+from physic_core.engine.sizes.evidence import KNOWN_SIZE_SIGMA
 from physic_core.engine.sizes.known_sizes import BodyEnds
-
-KNOWN_SIGMA = 0.002
-"""Expected error of the logarithm of a known size; 1 % off costs 25, as much as ten keypoints on a wrong limb."""
 
 
 class KnownSizeTerm(Term):
-    """Squared deviations of log sizes from the known ones, in units of :data:`KNOWN_SIGMA`."""
+    """Squared deviations of log sizes from the known ones, in units of :data:`KNOWN_SIZE_SIGMA`."""
 
     def __init__(self, context: JointContext) -> None:
         problem = context.problem
@@ -36,12 +34,12 @@ class KnownSizeTerm(Term):
         known, estimate = self._known, bodies.estimate
         given = torch.isfinite(known.stature)
         stature = torch.where(given, known.stature, self._stature.height)
-        own = stature_prior(self._stature(estimate.betas), stature, KNOWN_SIGMA) * given
+        own = stature_prior(self._stature(estimate.betas), stature, KNOWN_SIZE_SIGMA) * given
         shared = own.new_zeros(())
         if known.camera_height is not None and self._floor_offset:
             height = estimate.log_scale + math.log(self._floor_offset / known.camera_height)
-            shared = shared + (height / KNOWN_SIGMA).square()
+            shared = shared + (height / KNOWN_SIZE_SIGMA).square()
         extents = known.distances.measure(self._ends, bodies.vertices, estimate.log_scale.exp())
         for extent, metres in zip(extents, known.distances.metres, strict=False):
-            shared = shared + ((extent.clamp(min=1e-3) / metres).log() / KNOWN_SIGMA).square()
+            shared = shared + ((extent.clamp(min=1e-3) / metres).log() / KNOWN_SIZE_SIGMA).square()
         return {"known_stature": own, "known_scene": (shared / len(own)).expand(len(own))}

@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 # indoors below the farthest pixel: .17 to 1.9 in 18 pictures of four rooms with measured geometry.
 _OUTDOORS = (0.006, 0.7)
 _INDOORS = (0.4, 1.0)
-_CAMERA_HEIGHT = (1.45, 0.5)  # metres: median and standard deviation of the logarithm; cameras hang high indoors
-_NOSE, _ANKLE = 1.53, 0.08  # metres over the floor, an adult who stands
 _CANDIDATES = (0.003, 6.0, 120)
 _FLOOR_SHARE = 0.1  # a smaller floor than this has no horizon worth reading
 
@@ -151,10 +149,14 @@ def _camera_height_cost(
     floor: DisparityFloor, candidates: FloatArray, standing: tuple[StandingPerson, ...], shape: tuple[int, ...]
 ) -> FloatArray:
     """Return the cost (C,) of the camera's height beside standing people in a map of a ``shape`` (H, W)."""
+    from physic_core.engine.sizes.evidence import USUAL_CAMERA_HEIGHT_M, USUAL_CAMERA_HEIGHT_SIGMA
+    from physic_core.engine.sizes.stature import ADULT_ANKLE_M, ADULT_NOSE_M
+
     horizon = np.array([floor.horizon(c) for c in candidates]) * max(shape) + (shape[0] - 1) / 2
-    heights = [_ANKLE + (_NOSE - _ANKLE) * (s.ankle - horizon) / (s.ankle - s.nose) for s in standing]
+    body = ADULT_NOSE_M - ADULT_ANKLE_M
+    heights = [ADULT_ANKLE_M + body * (s.ankle - horizon) / (s.ankle - s.nose) for s in standing]
     camera = np.median(np.maximum(heights, 0.05), axis=0)
-    return _robust(np.log(camera / _CAMERA_HEIGHT[0]) / _CAMERA_HEIGHT[1])
+    return _robust(np.log(camera / USUAL_CAMERA_HEIGHT_M) / USUAL_CAMERA_HEIGHT_SIGMA)
 
 
 def _farthest(disparity: FloatArray) -> tuple[float, float]:

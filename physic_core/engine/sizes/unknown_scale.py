@@ -6,16 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.engine.sizes.evidence import USUAL_CAMERA_HEIGHT_M, USUAL_DEPTH_M
 from physic_core.types import DepthMap
 
 if TYPE_CHECKING:
     from physic_core.types import Intrinsics, Plane, Pointmap
-
-CAMERA_HEIGHT_M = 1.5
-"""Assumed height of the camera above the floor: people hold a camera at their chest or eyes."""
-
-MEDIAN_DEPTH_M = 3.0
-"""Assumed median depth of a scene without a floor."""
 
 
 def guess_metric_depth(scene: Pointmap, floor: Plane | None, camera: Intrinsics) -> tuple[DepthMap, str]:
@@ -31,11 +26,11 @@ def guess_metric_depth(scene: Pointmap, floor: Plane | None, camera: Intrinsics)
     """
     depth = np.where(scene.valid, scene.points[..., 2], np.nan)
     if floor is not None and floor.offset > 0:
-        scale = CAMERA_HEIGHT_M / floor.offset
-        assumed = f"the camera is assumed {CAMERA_HEIGHT_M:g} m above the floor"
+        scale = USUAL_CAMERA_HEIGHT_M / floor.offset
+        assumed = f"the camera is assumed {USUAL_CAMERA_HEIGHT_M:g} m above the floor"
     else:
-        scale = MEDIAN_DEPTH_M / float(np.nanmedian(depth))
-        assumed = f"the median depth is assumed {MEDIAN_DEPTH_M:g} m"
+        scale = USUAL_DEPTH_M / float(np.nanmedian(depth))
+        assumed = f"the median depth is assumed {USUAL_DEPTH_M:g} m"
     metric = DepthMap((depth * scale).astype(np.float32), scene.intrinsics or camera)
     return (
         metric,
