@@ -1,1 +1,6 @@
-"""Pure functions on tensors: cameras, point maps, alignment, planes, neighbours, visibility, robust losses."""
+"""Pure functions on tensors: cameras, point maps, alignment, planes, neighbours, visibility, robust losses.
+
+Other packages use :mod:`.camera`, :mod:`.pointmap`, :mod:`.alignment`, :mod:`.floor`, :mod:`.plane`, :mod:`.gravity`,
+:mod:`.upright`, :mod:`.mesh`, :mod:`.coarse_mesh`, :mod:`.rays`, :mod:`.raster`, :mod:`.neighbors`, :mod:`.visibility`,
+:mod:`.free_space`, :mod:`.behind_bodies`, :mod:`.robust`, :mod:`.rotations`, :mod:`.distortion` and :mod:`.tensors`.
+"""

@@ -1,8 +1,8 @@
 """Evidence of the size of people and scenes: soles, torsos, statures, and the sizes that the user knows.
 
-:mod:`.evidence` states each kind as a logarithm of the scale with its sigma. :mod:`.known_sizes` and
-:mod:`.people_in_scene`, which compare with sizes of the user, are imported when some are given, and
-:mod:`.unknown_scale` when nothing is known.
+:mod:`.evidence` states each kind as a logarithm of the scale with its sigma, and :mod:`.stature` is the prior of
+people. :mod:`.known_sizes` and :mod:`.people_in_scene`, which compare with sizes of the user, are imported when some
+are given, and :mod:`.unknown_scale` when nothing is known.
 """
 
 from physic_core.engine.sizes.person_scales import scales_by_soles, scales_by_torsos, standing_scores
