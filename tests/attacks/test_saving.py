@@ -16,7 +16,8 @@ import numpy as np
 import pytest
 
 import physic_core.io.report_file as report_file
-import physic_core.io.saving as saving
+import physic_core.visual.glb as glb
+import physic_core.visual.preview as preview
 from fuzzing.interrupted import Steps
 from fuzzing.tiny_result import tiny_result
 from physic_core.batch.journal import Journal, read_journals
@@ -42,12 +43,12 @@ def mark(result: Reconstruction) -> str:
 def quick_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pictures and pages that name their result, in place of rendered ones."""
 
-    def pictures(result: Reconstruction, files: Saving) -> tuple[dict[str, bytes], None]:
-        names = ["scene.glb", *(f"person_{i}.glb" for i in range(len(result.people)))] * (files.glb == "all")
-        names += ["preview.png"] * files.preview
-        return {name: f"picture of {mark(result)}".encode() for name in names}, None
+    def glb_files(result: Reconstruction, *, parts: bool) -> dict[str, bytes]:
+        names = ["scene.glb", *(f"person_{i}.glb" for i in range(len(result.people)))] * parts
+        return {name: f"mesh of {mark(result)}".encode() for name in names}
 
-    monkeypatch.setattr(saving, "_pictures", pictures)
+    monkeypatch.setattr(glb, "glb_files", glb_files)
+    monkeypatch.setattr(preview, "preview_png", lambda result: f"picture of {mark(result)}".encode())
     page = f"<meta {report_file.PAGE_MARK}> page of "
     monkeypatch.setattr(report_file, "report_html", lambda result, title: page + mark(result))
 
