@@ -24,7 +24,7 @@ _MAX_LINE = 4096
 
 
 _OUT_OF_MEMORY = (
-    "Error: there is not enough memory. Close other programs, allow this one more memory, use a smaller photo, or "
+    "Error: out of memory. Close other programs, allow this one more memory, use a smaller photo, or "
     "close backends early with --low-memory (physic run)"
 )
 
@@ -42,7 +42,9 @@ class _Main(ExtensibleGroup):
         try:
             os.getcwd()
         except OSError:  # relative paths, and libraries that look at it when they are imported, would fail
-            raise click.UsageError("the current folder is gone, or cannot be read: change to another one") from None
+            raise click.UsageError(
+                "the current folder does not exist or cannot be read: change to another one"
+            ) from None
         try:
             with own_stdout(), printed_logs():
                 return super().invoke(ctx)
@@ -80,12 +82,12 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 
 
 _COMMANDS = {
-    "batch": ("physic_core.cli.batch:batch", "Reconstruct many photos, resumably, in several processes."),
+    "batch": ("physic_core.cli.batch:batch", "Reconstruct many photos in several processes; can resume."),
     "cache": ("physic_core.cli.cache:cache", "Show or clear the cache."),
     "config": ("physic_core.cli.config:config", "Check, show or create a configuration."),
     "export": ("physic_core.cli.export:export", "Export a result to Blender, Unity, MuJoCo, USD, MeshLab, ..."),
     "plugins": ("physic_core.cli.plugins:plugins", "List installed backends; show or test them; create a plugin."),
-    "report": ("physic_core.cli.report:report", "Write a page of a result that opens in a browser."),
+    "report": ("physic_core.cli.report:report", "Write a result as a page for a browser."),
     "run": ("physic_core.cli.run:run", "Reconstruct people, scene and contact from PHOTO."),
     "show": ("physic_core.cli.result_summary:show_result", "Print the people, grade and warnings of a saved result."),
     "weights": ("physic_core.cli.weights:weights", "List, download and verify the weights that plugins need."),

@@ -45,7 +45,7 @@ class SavedFiles(click.ParamType["Saving"]):
 
 def configuration_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add --config, --preset and --set to a command, which gets them as ``file``, ``preset`` and ``overrides``."""
-    help_text = "A TOML file, or reconstruction.json of a run."
+    help_text = "A TOML file, or the reconstruction.json of a run."
     file = click.option("--config", "file", metavar="FILE", type=AnyPath(), is_eager=True, help=help_text)
     return file(preset_options(command))
 
@@ -81,14 +81,14 @@ def one_photo(given: tuple[str, ...]) -> Path:
 
     batch = f"type: physic batch {' '.join(map(shlex.quote, given[:4]))}{' ...' * (len(given) > 4)} -o results"
     if len(given) > 1:
-        raise click.UsageError(f"physic run takes one photo, and {len(given)} are given; for many, {batch}")
+        raise click.UsageError(f"physic run takes one photo, got {len(given)}; for many, {batch}")
     (text,) = given
     if not text:
-        raise click.UsageError("the name of the photo is empty: name an image file")
+        raise click.UsageError("the photo name is empty: name an image file")
     if os.path.isdir(text):
         raise InputError(f"cannot read the photo {text}: it is a folder; name one image file; for many, {batch}")
     if not os.path.lexists(text) and re.match(r"[A-Za-z][A-Za-z0-9+.-]+://", text):
-        raise InputError(f"cannot read the photo {text}: it is an address; download it, and name the file")
+        raise InputError(f"cannot read the photo {text}: it is a URL; download it, and name the file")
     if not os.path.lexists(text) and glob.has_magic(text) and glob.glob(text, recursive=True):
         raise InputError(f"cannot read the photo {text}: it is a pattern; name one image file; for many, {batch}")
     return Path(text)

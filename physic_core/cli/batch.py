@@ -18,33 +18,35 @@ if TYPE_CHECKING:
     from physic_core.batch.process import BatchJob
     from physic_core.batch.run import BatchPlan, Executor
 
-_SAVE = "Files of each photo, as of physic run; summary: none. +preview, +glb, +report add files: numbers+preview."
+_SAVE = "Files per photo, as in physic run; summary: none. +preview, +glb, +report add files: numbers+preview."
 
 
 @click.command()
 @click.argument("photos", nargs=-1, required=True)
 @click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="Folder for all results.")
-@click.option("--workers", type=click.IntRange(1, 1024), help="Processes.  [default: by cores and memory]")
+@click.option("--workers", type=click.IntRange(1, 1024), help="Worker processes. [default: by cores and memory]")
 @click.option("--save", "saving", type=SavedFiles(), default="numbers", show_default=True, help=_SAVE)
-@click.option("--no-thumbnails", is_flag=True, help="Write no thumbnails, and no contact sheet.")
+@click.option("--no-thumbnails", is_flag=True, help="Write no thumbnails and no contact sheet.")
 @click.option(
-    "--table", type=click.Choice(("parquet", "csv")), help="Summary.  [default: parquet with pyarrow, else csv]"
+    "--table", type=click.Choice(("parquet", "csv")), help="Summary format. [default: parquet with pyarrow, else csv]"
 )
 @click.option(
     "--timeout",
     type=click.FloatRange(0, 10_000_000),
     default=600,
     show_default=True,
-    help="Seconds of one photo; 0: none.",
+    help="Time limit per photo, seconds; 0: none.",
 )
-@click.option("--retry", type=click.Choice(("failed",)), help="Also try the photos that failed before.")
-@click.option("--limit", metavar="N", type=click.IntRange(1), help="Do at most N photos now.")
-@click.option("--dry-run", is_flag=True, help="Print the photos that would be done, one a line, and write nothing.")
-@click.option("--shard", metavar="I/N", help="Do only the I-th of N parts, such as 3/16.")
-@click.option("--cache", is_flag=True, help="Use the cache of backends' outputs, which is off in batches.")
-@click.option("--executor", metavar="NAME", default="local", show_default=True, help="local, or a plugin's, as ray.")
-@click.option("--address", metavar="ADDRESS", help="Running cluster of the executor.  [default: started here]")
-@click.option("--executor-set", metavar="KEY=VALUE", multiple=True, help="Setting of the executor; may be repeated.")
+@click.option("--retry", type=click.Choice(("failed",)), help="Also retry photos that failed before.")
+@click.option("--limit", metavar="N", type=click.IntRange(1), help="Process at most N photos now.")
+@click.option("--dry-run", is_flag=True, help="Print the photos to process, one per line, and write nothing.")
+@click.option("--shard", metavar="I/N", help="Process only the I-th of N parts, such as 3/16.")
+@click.option("--cache", is_flag=True, help="Cache backend outputs; off by default in batches.")
+@click.option(
+    "--executor", metavar="NAME", default="local", show_default=True, help="local, or one from a plugin, such as ray."
+)
+@click.option("--address", metavar="ADDRESS", help="Address of a running cluster. [default: started here]")
+@click.option("--executor-set", metavar="KEY=VALUE", multiple=True, help="Executor setting; may be repeated.")
 @configuration_options
 @click.option("--device", metavar="NAME", help="cpu, cuda or cuda:N.")
 def batch(
@@ -133,7 +135,7 @@ def _executor(logs: Path, options: Mapping[str, Any]) -> Executor:
     for text in options["executor_set"]:
         key, equals, value = text.partition("=")
         if not equals or not key.strip():
-            raise click.UsageError(f"--executor-set is written KEY=VALUE (got '{text}')")
+            raise click.UsageError(f"--executor-set must be KEY=VALUE (got '{text}')")
         given[key.strip()] = value.strip()
     settings = ExecutorSettings(options["workers"], options["timeout"] or None, logs, options["address"], given)
     return open_executor(options["executor"], settings)
@@ -144,13 +146,13 @@ def _describe(plan: BatchPlan, photos: int) -> str:
 
     parts = [f"{photos:,} photos: {len(plan.todo):,} to do, {plan.done:,} done before"]
     if plan.failed:
-        parts.append(f"{plan.failed:,} failed before (--retry failed tries them again)")
+        parts.append(f"{plan.failed:,} failed before (--retry failed retries them)")
     if plan.changed:
-        parts.append(f"{plan.changed:,} of those to do were done with other content or settings")
+        parts.append(f"{plan.changed:,} of those to do were done with different content or settings")
     if plan.lost:
-        parts.append(f"{plan.lost:,} of those to do were done, and files of their results are missing or damaged")
+        parts.append(f"{plan.lost:,} of those to do were done, but result files are missing or damaged")
     if plan.damaged:
-        parts.append(f"{plan.damaged:,} lines of the journal are damaged or truncated, and are ignored")
+        parts.append(f"{plan.damaged:,} journal lines are damaged or truncated, and are ignored")
     others = [version for version in plan.versions if version not in ("", core_version())]
     if others:
         parts.append(f"some were done by physic-core {', '.join(others)}, this is {core_version()}")

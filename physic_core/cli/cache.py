@@ -54,7 +54,7 @@ def _caches() -> dict[str, LruFolder]:
     found = {name: kept for name in CACHES if (kept := users_cache(name)) is not None}
     if not found:
         raise ConfigError(
-            f"the cache is switched off by the environment variable {CACHE_VARIABLE}: unset it to see the cache"
+            f"the cache is disabled by the environment variable {CACHE_VARIABLE}: unset it to see the cache"
         )
     return found
 

@@ -71,9 +71,9 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
         echo(f"`physic setup {preset}` prints the steps to get them")
     here = [file for weights in named_weights(plan, registry) for file in weights.files]
     if files and (unpinned := sum(not file.is_pinned for file in here)):
-        echo(f"remark: {unpinned} of {len(here)} weight files are published without a SHA-256 or a revision")
+        echo(f"note: {unpinned} of {len(here)} weight files are published without a SHA-256 or a revision")
     for text in further:
-        echo(f"remark: {text}")
+        echo(f"note: {text}")
     ctx.exit(WEIGHTS if files else USAGE if device else 0)
 
 

@@ -28,9 +28,9 @@ OTHER, USAGE, INPUT, WEIGHTS, BACKEND, INTERRUPTED = 1, 2, 3, 4, 5, 130
 
 MEANINGS = {
     0: "done",
-    OTHER: "an error that is none of these",
+    OTHER: "any other error",
     USAGE: "wrong arguments, configuration, device or output folder",
-    INPUT: "a photo or file that cannot be used, or a chosen or required person is not in the photo",
+    INPUT: "an unusable photo or file, or a chosen or required person is not in the photo",
     WEIGHTS: "weights or an optional package are missing, or weights differ from the published files",
     BACKEND: "a backend or plugin failed",
     INTERRUPTED: "Ctrl-C",

@@ -46,11 +46,13 @@ def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 @click.option("--body-model", type=click.Path(path_type=Path), metavar="FILE", help="Your SMPLX_*.npz.")
 @click.option("--names", type=click.Choice(["smplx", "mixamo", "unreal", "unity"]), help="Names of the bones.")
 @click.option("--skin", type=click.Choice(["photo", "neutral", "contact"]), help="Colours of the bodies.")
-@click.option("--texture-size", type=click.Choice(["512", "1024", "2048", "4096"]), help="Texels along a side.")
-@click.option("--contact-texture", is_flag=True, help="Write contact as a UV texture, too.")
+@click.option("--texture-size", type=click.Choice(["512", "1024", "2048", "4096"]), help="Texels per side.")
+@click.option("--contact-texture", is_flag=True, help="Also write contact as a UV texture.")
 @click.option("--rigid", is_flag=True, help="People without joints (MJCF).")
 @click.option(
-    "--balance", is_flag=True, help="Turn people on their feet until their mass is over the soles (MJCF, URDF)."
+    "--balance",
+    is_flag=True,
+    help="Rotate people on their feet until the centre of mass is over the soles (MJCF, URDF).",
 )
 @click.option("--overwrite", is_flag=True, help="Replace files that exist.")
 @click.option(
@@ -67,7 +69,7 @@ def export(
     from physic_core.discovery.exporters import find_exporter
 
     if name is None and path is None:
-        raise click.UsageError("no format is given: name one with --to, or a file with -o; --list prints the formats")
+        raise click.UsageError("no format given: name one with --to, or a file with -o; --list prints the formats")
     # An unknown format is reported before numpy is imported.
     find_exporter(name, "" if path is None or path.is_dir() else path.suffix)
 

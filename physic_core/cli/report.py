@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 @click.argument("results", metavar="OUT...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("-o", "--out", type=click.Path(path_type=Path), help="Write the page of one result to this file.")
 @click.option("--title", metavar="TEXT", default="", help="Title of the page.  [default: name of the folder]")
-@click.option("--each", is_flag=True, help="In a folder of results, also write the page of each one.")
+@click.option("--each", is_flag=True, help="In a folder of results, also write a page for each one.")
 def report(results: tuple[Path, ...], out: Path | None, title: str, each: bool) -> None:
     """Write report.html of each result OUT: scene, people, contact and numbers in one file for a browser.
 

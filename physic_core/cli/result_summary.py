@@ -26,7 +26,7 @@ _MIN_WIDTH = 30  # characters of the last column, on a narrow terminal
 
 @click.command("show")
 @click.argument("out", type=click.Path(path_type=Path))
-@click.option("-v", "--verbose", is_flag=True, help="Also the time of each stage, and each check that is not ok.")
+@click.option("-v", "--verbose", is_flag=True, help="Also print the time of each stage, and each check that is not ok.")
 @click.option("--json", "as_json", is_flag=True, help="Print one object as JSON.")
 def show_result(out: Path, verbose: bool, as_json: bool) -> None:
     """Print the people, grade and warnings of the result in folder OUT, as `physic run` does at its end."""
@@ -112,14 +112,14 @@ def summary_text(
     """
     stages, people = from_records(StageRecord, document["stages"]), document["people"]
     checks = from_records(CheckResult, document["checks"])
-    found = {0: "no person, the scene alone", 1: "1 person"}.get(len(people), f"{len(people)} people")
+    found = {0: "no person, scene only", 1: "1 person"}.get(len(people), f"{len(people)} people")
     work, loading = (sum(getattr(stage, name) for stage in stages) for name in ("seconds", "load_seconds"))
-    time = f"{work:.1f} s, and {loading:.1f} s to load models"
+    time = f"{work:.1f} s, plus {loading:.1f} s to load models"
     lines = [f"{found} in {time if seconds is None else f'{seconds:.1f} s, with all steps'}"]
     backends = [stage for stage in stages if stage.provenance is not None]
     if cached := sum(stage.cached for stage in backends):
         count = f"{cached} of {len(backends)}"
-        lines.append(f"{count} outputs of backends come from the cache; --set run.cache=false runs them all")
+        lines.append(f"{count} backend outputs come from the cache; --set run.cache=false runs them all")
     if people:
         lines.append(_table([_row(person, checks, document) for person in people], width))
     lines += [_no_body(one) for one in document.get("unposed", ())]

@@ -37,7 +37,7 @@ class _Numbers(click.ParamType[Any]):
         count = 0 if self.name.endswith("...") else self.name.count(",") + 1
         if not numbers or len(numbers) != (count or len(numbers)):
             many = {0: "", 2: "two ", 4: "four ", 5: "five "}[count]
-            text = f"'{value}' is not {many}numbers with commas between them: {self.name}{self._unit}"
+            text = f"'{value}' is not {many}comma-separated numbers: {self.name}{self._unit}"
             self.fail(text, param, ctx)
         return numbers
 
@@ -55,16 +55,16 @@ def _setting(option: str, path: str, **attributes: Any) -> Callable[[Callable[..
 
 
 _SAVE = (
-    "Files beside the page. compact: arrays in their smaller form, preview, combined.glb. full: arrays as computed, "
-    "preview, all GLB files. exact: arrays as computed. numbers: arrays in their smaller form. people: those of the "
-    "people. +preview and +glb add files, as in numbers+preview."
+    "Files in addition to the page. compact: arrays in their smaller form, preview, combined.glb. full: arrays as "
+    "computed, preview, all GLB files. exact: arrays as computed. numbers: arrays in their smaller form. people: "
+    "arrays of the people. +preview and +glb add files, as in numbers+preview."
 )
 
 _OUT = (
     "Folder for the results.  [default: photo-physic for photo.jpg; photo.jpg-physic, photo.jpg-physic-2, ... if taken]"
 )
 
-_REPORT = "Write report.html, a page in 3D for a browser, or not.  [default: if physic-viewer is installed]"
+_REPORT = "Write report.html, a 3D page for a browser, or not. [default: if physic-viewer is installed]"
 
 _PERSON = "Reconstruct only the person at this pixel of the photo file; may be repeated."
 
@@ -86,10 +86,14 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
     help="Lens distortion of --intrinsics, in OpenCV's order.",
 )
 @_setting("--person", "photo.person", type=_Numbers("x,y"), multiple=True, help=_PERSON)
-@_setting("--box", "photo.box", type=_Numbers("x0,y0,x1,y1"), multiple=True, help="The same by a box around a person.")
-@_setting("--masks", "photo.masks", metavar="FILE", help="The same by an indexed PNG: 1 is the first person's pixels.")
-@_setting("--depth", "photo.depth", metavar="FILE", help="Depth of the photo: .npy or .exr in m, .png in mm, or .heic.")
-@_setting("--pointmap", "photo.pointmap", metavar="FILE", help="Points of the photo: .npy (H, W, 3), or .npz.")
+@_setting("--box", "photo.box", type=_Numbers("x0,y0,x1,y1"), multiple=True, help="The same, by a box around a person.")
+@_setting(
+    "--masks", "photo.masks", metavar="FILE", help="The same, by an indexed PNG: 1 marks the first person's pixels."
+)
+@_setting(
+    "--depth", "photo.depth", metavar="FILE", help="Depth map of the photo: .npy or .exr in m, .png in mm, or .heic."
+)
+@_setting("--pointmap", "photo.pointmap", metavar="FILE", help="Point map of the photo: .npy (H, W, 3), or .npz.")
 @_setting(
     "--stature",
     "photo.stature",
@@ -100,23 +104,27 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
     "--age",
     "photo.age",
     type=_Numbers("years,...", ""),
-    help="Known age, years, as --stature: one for all people, or one per person from left to right, 0 where unknown.",
+    help="Known age, years, like --stature: one for all people, or one per person from left to right, 0 where unknown.",
 )
-@_setting("--camera-height", "photo.camera_height", type=float, metavar="METRES", help="Known height over the floor.")
+@_setting(
+    "--camera-height", "photo.camera_height", type=float, metavar="METRES", help="Known camera height above the floor."
+)
 @_setting(
     "--known-length",
     "photo.known_length",
     type=_Numbers("x1,y1,x2,y2,metres", ""),
     multiple=True,
-    help="Two pixels of the photo file and the true distance of their points; may be repeated.",
+    help="Two pixels of the photo file and the true distance between their points; may be repeated.",
 )
 @_setting("--require-people", "photo.require_people", is_flag=True, help="Fail if the photo shows no person.")
 @_setting("--device", "run.device", metavar="NAME", help="cpu, cuda or cuda:N.")
 @_setting("--low-memory", "run.low_memory", is_flag=True, help="Close each backend right after its last use.")
-@click.option("-v", "--verbose", is_flag=True, help="Also each network, the time of each stage, and all messages.")
+@click.option(
+    "-v", "--verbose", is_flag=True, help="Also print each network, the time of each stage, and all messages."
+)
 @click.option("-q", "--quiet", is_flag=True, help="Print only warnings and errors.")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as one JSON object; all else goes to stderr.")
-@_setting("--no-cache", "run.cache", is_flag=True, help="Do not read or write the cache of backends' outputs.")
+@_setting("--no-cache", "run.cache", is_flag=True, help="Do not read or write the cache of backend outputs.")
 @click.pass_context
 def run(
     ctx: click.Context,
@@ -136,13 +144,13 @@ def run(
     """Reconstruct people, scene and contact from PHOTO."""
     flags: dict[str, dict[str, Any]] = ctx.ensure_object(dict)
     if "--focal-px" in flags and "--intrinsics" in flags:
-        raise click.UsageError("--focal-px and --intrinsics both set the camera: give one of them")
+        raise click.UsageError("--focal-px and --intrinsics both set the camera: give only one")
     if open_page and report is False:
-        raise click.UsageError("--open opens the page, which --no-report skips: give one of them")
+        raise click.UsageError("--open opens the page, which --no-report skips: give only one")
     if saving.level == "summary":
-        raise click.UsageError("--save summary writes no result, which only a batch can do without: give another level")
+        raise click.UsageError("--save summary writes no result and is only for batches: give another level")
     if verbose and quiet:
-        raise click.UsageError("--verbose prints more and --quiet less: give one of them")
+        raise click.UsageError("--verbose prints more and --quiet less: give only one")
     photo = one_photo(photos)
     from physic_core.configuration.resolve import load_plan
     from physic_core.discovery.plugins import discover
@@ -181,8 +189,8 @@ def _focal_advice(log_sigma: float | None) -> str:
     """Return how to give a focal length that neither the user nor the photo file knows, with its error."""
     spread = "" if log_sigma is None else f" (± {log_sigma:.0%})"
     return (
-        f"the focal length is an estimate{spread}, and so are all distances: if you know it, give --focal-px PX, in "
-        "px of the photo file, or --intrinsics fx,fy,cx,cy"
+        f"the focal length, and with it all distances, is an estimate{spread}: if you know it, give --focal-px PX, "
+        f"in px of the photo file, or --intrinsics fx,fy,cx,cy"
     )
 
 
@@ -213,7 +221,7 @@ def _open(page: Path) -> None:
     import webbrowser
 
     if not webbrowser.open(page.absolute().as_uri()):
-        echo(f"no browser was found here: open {page} yourself", err=True)
+        echo(f"no browser was found: open {page} yourself", err=True)
 
 
 class _Terminated(KeyboardInterrupt):

@@ -24,15 +24,15 @@ def refuse_foreign(host: str, origin: str | None, names: frozenset[str]) -> tupl
         The status of HTTP, 400, 403 or 421, and the words of the refusal.
     """
     if not (named := _HOST.fullmatch(host)):
-        return 400, f"the header Host must be a name or an address, and may have a port; got '{host[:80]}'"
+        return 400, f"the Host header must be a name or an address, optionally with a port; got '{host[:80]}'"
     name = named[1].strip("[]").lower()
     if name not in names and not _is_address(name):
         return 421, f"this server is not called '{name[:80]}': the option --allow-host adds a name"
     if origin is not None:
         if not (site := _ORIGIN.fullmatch(origin)):
-            return 400, f"the header Origin must be like http://name:port or null; got '{origin[:80]}'"
+            return 400, f"the Origin header must be like http://name:port, or null; got '{origin[:80]}'"
         if (site["host"] or "").lower() != host.lower():
-            return 403, "a page of another site sent this request"
+            return 403, "this request came from a page of another site"
     return None
 
 

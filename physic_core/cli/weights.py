@@ -14,10 +14,13 @@ if TYPE_CHECKING:
     from physic_core.weights.library import ListedWeights, WeightLibrary
 
 _COMMANDS = {
-    "list": ("physic_core.cli.weights:list_weights", "List all weight sets: size, licence, and whether they are here."),
+    "list": (
+        "physic_core.cli.weights:list_weights",
+        "List all weight sets: size, licence, and whether they are installed.",
+    ),
     "show": ("physic_core.cli.weights:show_weights", "Show the licence, files and sources of a weight set."),
-    "verify": ("physic_core.cli.weights:verify", "Compare files with their published size and SHA-256."),
-    "where": ("physic_core.cli.weights:where", "Print only the path of a weight set, or of one of its files."),
+    "verify": ("physic_core.cli.weights:verify", "Compare files with their published sizes and SHA-256."),
+    "where": ("physic_core.cli.weights:where", "Print only the path of a weight set or one of its files."),
 }
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 _USE = {True: "yes", False: "NO", None: "not stated"}

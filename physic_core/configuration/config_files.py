@@ -102,7 +102,7 @@ def _read_result(path: Path) -> dict[str, Any]:
     table = document.get("config") if isinstance(document, dict) else None
     if not isinstance(table, dict) or not table:
         raise ConfigError(
-            f"{shown(path)} holds no configuration: name the reconstruction.json of a run, or a TOML file"
+            f"{shown(path)} contains no configuration: name the reconstruction.json of a run, or a TOML file"
         )
     if problems := check_values(table):  # from_json is recursive
         from physic_core.configuration.problem_text import config_error
@@ -137,5 +137,5 @@ def _path(text: str, title: str = "config") -> Path:
         ConfigError: the text has a null character.
     """
     if "\0" in text:
-        raise ConfigError(f"{title}: a path has no null character (got {quoted(text)})")
+        raise ConfigError(f"{title}: a path must not contain null characters (got {quoted(text)})")
     return Path(os.path.expanduser(text))  # unlike Path.expanduser, it never raises

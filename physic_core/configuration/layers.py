@@ -49,7 +49,9 @@ def environment_layers(environment: Mapping[str, str]) -> list[SettingsLayer]:
     for name in sorted(n for n, value in environment.items() if n.startswith(_VARIABLE_PREFIX) and value.strip()):
         path = name.removeprefix(_VARIABLE_PREFIX).lower().replace("__", ".")
         if not re.fullmatch(r"[a-z0-9]\w*(\.[a-z0-9]\w*)*", path, re.ASCII):
-            raise ConfigError(f"the variable {shown(name)} names no setting: write PHYSIC__INPAINTER__BACKEND=telea")
+            raise ConfigError(
+                f"the variable {shown(name)} does not name a setting: write PHYSIC__INPAINTER__BACKEND=telea"
+            )
         value = environment[name]
         layers.append((name, _assignment(path, value, f"the variable {shown(name)}={shown(value)}")))
     return layers
@@ -137,10 +139,10 @@ def _assignment(path: str, value: str, label: str) -> dict[str, Any]:
     except InvalidTextError as error:
         if not re.fullmatch(r"[\w./~:+-]+", value.strip()):
             message = f"the value is not valid TOML ({shown(error, 500)})"
-            raise ConfigError(f"{label}: {message}; texts need quotes") from error
+            raise ConfigError(f"{label}: {message}; strings need quotes") from error
         parsed = {"value": value.strip()}
     if list(parsed) != ["value"]:
-        raise ConfigError(f"{label}: one value is expected, without a line break")
+        raise ConfigError(f"{label}: expected one value without a line break")
     table = parsed["value"]
     for key in reversed(path.split(".")):
         table = {key: table}

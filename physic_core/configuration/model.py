@@ -109,7 +109,7 @@ class PhotoSettings(_Table):
     """The table ``[photo]``: camera of the photo, its size for the pipeline, and the people to reconstruct."""
 
     max_side: int = Field(
-        default=1280, ge=128, le=10_000, description="longer photos are reduced to this long side, px; 640-1920"
+        default=1280, ge=128, le=10_000, description="larger photos are downscaled to this long side, px; 640-1920"
     )
     focal_px: float | None = Field(default=None, ge=1, le=1e6, description="focal length, px of the upright photo file")
     intrinsics: tuple[_Focal, _Focal, _Pixel, _Pixel] | None = Field(
@@ -135,16 +135,16 @@ class PhotoSettings(_Table):
     )
     depth: _FilePath = Field(
         default=None,
-        description="a depth map of the photo, in place of metric_depth: .npy or .exr in metres, or a PNG of 16 bits "
-        "in millimetres; relative to the config file",
+        description="a depth map of the photo, instead of metric_depth: .npy or .exr in metres, or a 16-bit PNG in "
+        "millimetres; relative to the config file",
     )
     pointmap: _FilePath = Field(
         default=None,
-        description="a point map of the photo, in place of relative_pointmap: .npy (H, W, 3), or .npz with points and "
+        description="a point map of the photo, instead of relative_pointmap: .npy (H, W, 3), or .npz with points and "
         "valid; relative to the config file",
     )
     require_people: bool = Field(
-        default=False, description="whether a photo without people is an error, instead of a scene alone"
+        default=False, description="whether a photo without people is an error rather than a scene-only result"
     )
     stature: tuple[Annotated[float, Field(ge=0, le=2.6)], ...] | None = Field(
         default=None,
@@ -158,16 +158,19 @@ class PhotoSettings(_Table):
         description="known ages, years: one for all people, or one per person as in stature; 0 where unknown",
     )
     camera_height: float | None = Field(
-        default=None, ge=0.01, le=1000, description="known height of the camera over the floor, metres"
+        default=None, ge=0.01, le=1000, description="known height of the camera above the floor, metres"
     )
     known_length: tuple[tuple[_Pixel, _Pixel, _Pixel, _Pixel, _Length], ...] | None = Field(
         default=None,
         max_length=_MAX_PROMPTS,
-        description="x1, y1, x2, y2, metres: two pixels of the upright photo file, and the true distance of their "
-        "points; or a list of such",
+        description="x1, y1, x2, y2, metres: two pixels of the upright photo file, and the true distance between "
+        "their points; or a list of these",
     )
     mask_growth: float = Field(
-        default=0.008, ge=0, le=0.1, description="people's masks grow by this share of the long side before inpainting"
+        default=0.008,
+        ge=0,
+        le=0.1,
+        description="dilation of the people's masks before inpainting, as a share of the long side",
     )
 
     @field_validator("intrinsics", mode="before")
@@ -221,9 +224,9 @@ class PhotoSettings(_Table):
     @model_validator(mode="after")
     def _one_camera(self) -> PhotoSettings:
         if self.focal_px is not None and self.intrinsics is not None:
-            raise ValueError("has both focal_px and intrinsics: give one of them")
+            raise ValueError("has both focal_px and intrinsics: give only one")
         if self.distortion is not None and self.intrinsics is None:
-            raise ValueError("has distortion without intrinsics: give both, of the same calibration")
+            raise ValueError("has distortion without intrinsics: give both, from the same calibration")
         return self
 
 
@@ -236,9 +239,9 @@ class BodyModelChoice(_Table):
     @model_validator(mode="after")
     def _one_body(self) -> BodyModelChoice:
         if self.name is not None and self.path is not None:
-            raise ValueError("has both name and path: give one of them")
+            raise ValueError("has both name and path: give only one")
         if self.name not in (None, "embedded"):
-            raise ValueError(f"name should be 'embedded' (got {quoted(self.name)}); for a file of your own, set path")
+            raise ValueError(f"name should be 'embedded' (got {quoted(self.name)}); for your own file, set path")
         return self
 
     @property
@@ -250,10 +253,10 @@ class BodyModelChoice(_Table):
 class EngineChoice(_Table):
     """The table ``[engine]``: a preset of the engine, and settings of each stage that override the preset."""
 
-    preset: str = Field(default="default", description="preset of the engine's settings")
+    preset: str = Field(default="default", description="preset of engine settings")
     scene: dict[str, Any] = Field(default_factory=dict, description="stage 1: scene, camera, floor")
-    placement: dict[str, Any] = Field(default_factory=dict, description="stage 2: each body moved onto its points")
-    joint: dict[str, Any] = Field(default_factory=dict, description="stage 3: everything together")
+    placement: dict[str, Any] = Field(default_factory=dict, description="stage 2: each body aligned with its points")
+    joint: dict[str, Any] = Field(default_factory=dict, description="stage 3: joint optimisation")
     contact: dict[str, Any] = Field(default_factory=dict, description="the contact map")
 
     def settings(self) -> EngineSettings:
@@ -277,10 +280,10 @@ class RunSettings(_Table):
         default=1,
         ge=1,
         le=256,
-        description="CPU threads of engine and fits; more than 1 is rarely faster and can change last bits",
+        description="CPU threads of engine and fits; more than 1 is rarely faster and can change the last bits",
     )
     low_memory: bool = Field(default=False, description="close each backend right after its last use")
-    cache: bool = Field(default=True, description="cache the outputs of backends, and reuse those of earlier runs")
+    cache: bool = Field(default=True, description="cache backend outputs, and reuse those of earlier runs")
     cache_mb: int = Field(default=2000, ge=0, le=1_000_000_000, description="maximum size of the cache, megabytes")
 
     @field_validator("device")

@@ -25,7 +25,7 @@ _TYPE_NAMES = {
     "a valid integer": "a whole number",
     "a valid number": "a number",
     "a valid boolean": "true or false",
-    "a valid string": "a text",
+    "a valid string": "a string",
     "a valid dictionary": "a table",
     "a valid tuple": "a list",
     "a valid list": "a list",

@@ -205,7 +205,7 @@ def size_warnings(plan: ResolvedPipeline, registry: Registry) -> tuple[str, ...]
     from physic_core.weights.find import size_mismatches
 
     mismatches = ((weights.name, size_mismatches(weights)) for weights in named_weights(plan, registry))
-    return tuple(f"weights '{name}' are found, but {text}" for name, text in mismatches if text)
+    return tuple(f"weights '{name}' were found, but {text}" for name, text in mismatches if text)
 
 
 def named_weights(plan: ResolvedPipeline, registry: Registry) -> tuple[WeightSet, ...]:
@@ -295,7 +295,7 @@ def _choose_given(interface: str, given: object, registry: Registry) -> _Choice:
     """
     _require_interface(interface)
     if interface not in PHOTO_INTERFACES:
-        raise ConfigError(f"backends: {interface} is for several photos, and a single one does not use it")
+        raise ConfigError(f"backends: {interface} is only for several photos; a single photo does not use it")
     wanted = INTERFACES[interface]
     kind = given if isinstance(given, type) else type(given)
     if not issubclass(kind, wanted):

@@ -58,7 +58,7 @@ def check_values(table: Mapping[Any, Any]) -> list[Problem]:
             for key, item in list(value.items())[::-1]:
                 at = f"{path}.{key}" if path else str(key)
                 if not isinstance(key, str) or _text_problem(key):
-                    problems.append(Problem(shorten(ascii(key), 100), "is not a valid name of a setting"))
+                    problems.append(Problem(shorten(ascii(key), 100), "is not a valid setting name"))
                 else:
                     rest.append((at, item, depth + 1))
         elif isinstance(value, list | tuple):
@@ -74,11 +74,11 @@ def _text_problem(text: str) -> str:
     if len(text) > _MAX_TEXT:
         return f"should have at most {_MAX_TEXT:,} characters (got {len(text):,})"
     if "\0" in text:
-        return f"should have no null character (got {shorten(ascii(text), 100)})"
+        return f"should not contain null characters (got {shorten(ascii(text), 100)})"
     try:
         text.encode(errors="surrogateescape")  # Python writes bytes of a path that are not UTF-8 as surrogates
     except UnicodeEncodeError:
-        return f"should have no surrogates (got {shorten(ascii(text), 100)})"
+        return f"should not contain surrogates (got {shorten(ascii(text), 100)})"
     return ""
 
 

@@ -86,7 +86,7 @@ def test_a_cache_that_is_switched_off_is_an_error(command: str, monkeypatch: pyt
     done = physic(command)
     assert (done.exit_code, done.output) == (
         2,
-        "Error: the cache is switched off by the environment variable PHYSIC_CACHE: unset it to see the cache\n",
+        "Error: the cache is disabled by the environment variable PHYSIC_CACHE: unset it to see the cache\n",
     )
 
 

@@ -73,7 +73,7 @@ def run(*arguments: str) -> tuple[str, ...]:
 
 
 SUMMARY = (
-    "no person, the scene alone in 3.2 s, and 0.5 s to load models\n"
+    "no person, scene only in 3.2 s, plus 0.5 s to load models\n"
     "note: focal length is a default\n"
     "warning: no floor was found\n"
     "grade: none  (checks: no checks were run)\n"
@@ -83,8 +83,8 @@ SUMMARY = (
 
 STEPS = (
     "[1/2] people\n[2/2] scene\n"
-    "the focal length is an estimate, and so are all distances: if you know it, give --focal-px PX, in px of the photo "
-    "file, or --intrinsics fx,fy,cx,cy\n"
+    "the focal length, and with it all distances, is an estimate: if you know it, give --focal-px PX, in px of the "
+    "photo file, or --intrinsics fx,fy,cx,cy\n"
 )
 """Progress of a run, and how to give what it did not know."""
 ARRAYS = ("reconstruction.json", "reconstruction.npz")
@@ -143,11 +143,11 @@ def test_show_prints_what_the_run_printed(pipeline):
 @pytest.mark.parametrize(
     ("photos", "code", "message"),
     [
-        (["a.jpg", "b c.jpg"], 2, "takes one photo, and 2 are given; for many, type: physic batch a.jpg 'b c.jpg' -o"),
+        (["a.jpg", "b c.jpg"], 2, "takes one photo, got 2; for many, type: physic batch a.jpg 'b c.jpg' -o"),
         (["photos"], 3, "it is a folder; name one image file; for many, type: physic batch photos -o results"),
         (["photos/*.jpg"], 3, "it is a pattern; name one image file; for many, type: physic batch 'photos/*.jpg'"),
-        (["https://example.org/a.jpg"], 3, "it is an address; download it, and name the file"),
-        ([""], 2, "the name of the photo is empty: name an image file"),
+        (["https://example.org/a.jpg"], 3, "it is a URL; download it, and name the file"),
+        ([""], 2, "the photo name is empty: name an image file"),
     ],
 )
 def test_run_on_a_folder_names_the_batch_command(pipeline, photos: list[str], code: int, message: str):
@@ -223,7 +223,7 @@ def test_a_lack_of_memory_is_a_message(pipeline, error):
     pipeline.error = error
     done = physic(*run())
     assert done.exit_code == 1
-    assert done.stderr.splitlines()[-1].startswith("Error: there is not enough memory. Close other programs")
+    assert done.stderr.splitlines()[-1].startswith("Error: out of memory. Close other programs")
 
 
 BOTH = '--preset cannot be combined with {}: write extends = "NAME" into the file'
@@ -234,7 +234,7 @@ BOTH = '--preset cannot be combined with {}: write extends = "NAME" into the fil
     [
         (run("--focal-px", "900", "--intrinsics", "1,2,3,4"), "--focal-px and --intrinsics both set the camera"),
         (run("--config", "x.toml"), BOTH.format("--config")),
-        (run("--intrinsics", "1,2,3"), "'1,2,3' is not four numbers with commas between them: fx,fy,cx,cy in px"),
+        (run("--intrinsics", "1,2,3"), "'1,2,3' is not four comma-separated numbers: fx,fy,cx,cy in px"),
         (run("-o", ""), "Invalid value for '-o' / '--out': it is empty: name a file or a folder"),
         (("config", "show", "--preset", "mock", "x.toml"), BOTH.format("FILE")),
         (("batch", "a.jpg", "-o", "out", "--preset", "mock", "--config", "x.toml"), BOTH.format("--config")),

@@ -134,7 +134,7 @@ def test_config_check_reports_a_valid_config_and_missing_files(heavy: Path):
         "2 things are missing; a run would stop:\n"
         f"  {BOTH}: {NET}\n"
         f"  hand_estimator 'heavy-hands' (physic-heavy 1.0): {HANDS}\n"
-        "remark: 1 of 1 weight files are published without a SHA-256 or a revision\n",
+        "note: 1 of 1 weight files are published without a SHA-256 or a revision\n",
     )
 
 
@@ -143,7 +143,7 @@ def test_a_file_of_another_size_is_remarked_once_and_stops_nothing(heavy: Path):
     done = physic("config", "check", "my.toml")
     assert done.exit_code == 4
     assert "1 thing is missing; a run would stop:\n" in done.stdout
-    remark = "weights 'net' are found, but model.onnx has 3 bytes instead of the published 140852051"
+    remark = "weights 'net' were found, but model.onnx has 3 bytes instead of the published 140852051"
     assert done.stdout.count(remark) == 1
 
 

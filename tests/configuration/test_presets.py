@@ -139,7 +139,7 @@ def test_missing_parts_of_a_preset_are_listed_with_the_way_to_get_them(
     lines, wanted = listed(rest), LACKING[preset]
     pointer, remark = rest.splitlines()[-2:]
     assert pointer == f"`physic setup {preset}` prints the steps to get them"
-    assert re.fullmatch(r"remark: \d+ of \d+ weight files are published without a SHA-256 or a revision", remark)
+    assert re.fullmatch(r"note: \d+ of \d+ weight files are published without a SHA-256 or a revision", remark)
     for name, (licence, way) in wanted.weights.items():
         (line,) = [line for line in lines if line.startswith(f"weights '{name}' (")]
         facts, _, advice = line.partition(") are missing: ")
@@ -221,7 +221,7 @@ def require_no_fault(checked: Result, says: str, code: int = 0) -> None:
     assert checked.exit_code == code
     remarks = checked.output.removeprefix(says).splitlines()
     size = re.compile(
-        r"remark: weights '([\w.-]+)' are found, but .* instead of the published .*: `physic weights verify \1`"
+        r"note: weights '([\w.-]+)' were found, but .* instead of the published .*: `physic weights verify \1`"
     )
     assert all(size.fullmatch(line) for line in remarks), remarks
     assert len(remarks) == len(set(remarks)) > 0

@@ -83,7 +83,7 @@ def test_faults_of_shape_and_options_are_reported_together(tmp_path, monkeypatch
     assert str(caught.value) == (
         "my.toml: 9 errors\n"
         "keypoint_detector.options               should be a table (got 3)\n"
-        "hand_estimator.backend                  should be a text (got 3)\n"
+        "hand_estimator.backend                  should be a string (got 3)\n"
         "contact_prior.backend                   should not be empty\n"
         "photo.max_sid                           unknown key. Did you mean 'max_side'?\n"
         "segmenter.backend                       should name a backend: "
@@ -93,7 +93,7 @@ def test_faults_of_shape_and_options_are_reported_together(tmp_path, monkeypatch
         "metric_depth.options.resolution_level   should be <= 9 (got 12)\n"
         "metric_depth.options.resolution_levle   unknown option. Did you mean 'resolution_level'?\n"
         "--set: 1 error\n"
-        "metric_depth.options.mode   should be a text (got 3)\n"
+        "metric_depth.options.mode   should be a string (got 3)\n"
         f"Python: {sys.executable}"
     )
 

@@ -74,7 +74,7 @@ def test_a_distortion_that_folds_the_picture_is_refused() -> None:
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("photo.distortion=[0, 0, 0, 0, 0]", "has distortion without intrinsics: give both, of the same calibration"),
+        ("photo.distortion=[0, 0, 0, 0, 0]", "has distortion without intrinsics: give both, from the same calibration"),
         ("photo={intrinsics=[9, 9, 4, 4], distortion=[0, 0, 0, 0, inf]}", "distortion.4   should be <= 1000 (got inf)"),
     ],
 )

@@ -202,7 +202,7 @@ def test_a_deleted_current_folder_is_one_message(tmp_path: Path):
     code = "import os; os.rmdir(os.getcwd()); from physic_core.cli import main; main(['config', 'check'])"
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    assert done.stderr.endswith("Error: the current folder is gone, or cannot be read: change to another one\n")
+    assert done.stderr.endswith("Error: the current folder does not exist or cannot be read: change to another one\n")
 
 
 @pytest.mark.parametrize(

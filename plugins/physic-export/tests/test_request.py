@@ -184,7 +184,7 @@ def test_the_command_writes_into_the_result_and_prints_the_files(saved_pair: Pat
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (("out",), 2, "Error: no format is given: name one with --to, or a file with -o; --list prints the formats"),
+        (("out",), 2, "Error: no format given: name one with --to, or a file with -o; --list prints the formats"),
         (("nowhere", "--to", "glb"), 3, "Error: cannot read nowhere/reconstruction.json: there is no such file"),
     ],
 )
