@@ -55,7 +55,7 @@ def intrinsics_from_exif(
     original = _number(tags.get(_PIXEL_WIDTH)), _number(tags.get(_PIXEL_HEIGHT))
     if original[0] and original[1] and not _same_shape((original[0], original[1]), stored):
         return None, (
-            f"the focal length in the EXIF data was ignored: it belongs to {original[0]:.0f} x {original[1]:.0f} px, "
+            f"the focal length in the EXIF data was ignored: it is for {original[0]:.0f} x {original[1]:.0f} px, "
             f"but the file has {stored[0]} x {stored[1]} px, so the photo was cropped"
         )
     share = max(fx, fy) / max(width, height)

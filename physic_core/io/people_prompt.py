@@ -42,7 +42,7 @@ def read_masks(path: str | os.PathLike[str]) -> BoolArray:
     advice = "save an indexed or grey PNG: 0 for background, 1 for the first person, 2 for the second"
     with open_image(source) as (image, _):
         if image.mode not in _MODES:
-            raise InputError(f"cannot use the {source}: the pixels are {image.mode}, not one number; {advice}")
+            raise InputError(f"cannot use the {source}: the pixels are {image.mode}, not single numbers; {advice}")
         if image.size[0] * image.size[1] > _MAX_MASK_PIXELS:
             raise InputError(
                 f"cannot use the {source}: it has more than {_MAX_MASK_PIXELS // 1_000_000} megapixels; give a smaller "
@@ -78,8 +78,8 @@ def check_prompt(prompt: PeoplePrompt, width: int, height: int) -> PeoplePrompt:
     masks = None if prompt.masks is None else np.asarray(prompt.masks)
     checked = PeoplePrompt(points, boxes, masks)  # type: ignore[arg-type]
     if not len(checked):
-        raise InputError("no person is chosen: give at least one point, box or mask, or no prompt for all people")
-    size = f"the photo of {width} x {height} px, upright as it is shown"
+        raise InputError("no person is chosen: give at least one point, box or mask, or omit the prompt for all people")
+    size = f"the upright photo of {width} x {height} px"
     for i, (x, y) in enumerate(checked.points):
         if not (-0.5 <= x < width - 0.5 and -0.5 <= y < height - 0.5):
             raise InputError(f"{checked.describe(i)} lies outside {size}: give x, y in its px")
@@ -112,8 +112,7 @@ def resize_prompt(prompt: PeoplePrompt, size: tuple[int, int], new_size: tuple[i
         if not masks.any((1, 2)).all():
             lost = int((~masks.any((1, 2))).argmax()) + 1
             raise InputError(
-                f"mask {lost} has no pixel at {new_size[0]} x {new_size[1]} px: paint it larger, or raise "
-                "photo.max_side"
+                f"mask {lost} has no pixels at {new_size[0]} x {new_size[1]} px: enlarge it, or raise photo.max_side"
             )
     return PeoplePrompt(
         tuple(((x + 0.5) * sx - 0.5, (y + 0.5) * sy - 0.5) for x, y in prompt.points),
@@ -137,11 +136,11 @@ def _check_masks(masks: Any, width: int, height: int) -> None:
         raise InputError(f"masks of people must be (M, H, W) bool, got {masks.shape} {masks.dtype}: convert them")
     if masks.shape[1:] != (height, width):
         raise InputError(
-            f"the masks have {masks.shape[2]} x {masks.shape[1]} px and the photo, upright as it is shown, has "
-            f"{width} x {height} px: give masks of the photo's size"
+            f"the masks have {masks.shape[2]} x {masks.shape[1]} px, but the upright photo has {width} x {height} "
+            f"px: give masks of the photo's size"
         )
     empty = [i + 1 for i in range(len(masks)) if not masks[i].any()]
     if empty:
-        raise InputError(f"mask {empty[0]} has no pixel: leave it out, or mark the person's pixels")
+        raise InputError(f"mask {empty[0]} has no pixels: omit it, or mark the person's pixels")
     if len(masks) and masks.sum(0, dtype=np.int64).max() > 1:
-        raise InputError("masks of two people overlap: give every pixel to one person at most")
+        raise InputError("masks of two people overlap: assign each pixel to at most one person")

@@ -156,8 +156,8 @@ def limit_size(photo: Photo, max_side: int) -> Photo:
     new_width, new_height = max(1, round(width * share)), max(1, round(height * share))
     if min(new_width, new_height) < MIN_SIDE:
         raise InputError(
-            f"the photo is too long and thin: of its {width} x {height} px, {new_width} x {new_height} px are left at "
-            f"a long side of {max_side} px, and each side needs {MIN_SIDE} px; crop it, or allow a longer side"
+            f"the photo is too long and thin: at a long side of {max_side} px, its {width} x {height} px become "
+            f"{new_width} x {new_height} px, but each side needs {MIN_SIDE} px; crop it, or allow a longer side"
         )
     import cv2
 
@@ -169,21 +169,21 @@ def limit_size(photo: Photo, max_side: int) -> Photo:
 def _check_camera(camera: Intrinsics, width: int, height: int) -> None:
     if (camera.width, camera.height) != (width, height):
         raise InputError(
-            f"the intrinsics are of {camera.width} x {camera.height} px, but the image has {width} x {height} px: "
-            f"give those of this image, or intrinsics.resized({width}, {height}) where it was only resized"
+            f"the intrinsics are for {camera.width} x {camera.height} px, but the image has {width} x {height} px: "
+            f"give those of this image, or intrinsics.resized({width}, {height}) if it was only resized"
         )
     side = max(width, height)
     least, most = _FOCAL_RANGE
     for focal in (camera.fx, camera.fy):
         if not least <= focal / side <= most:
             raise InputError(
-                f"the focal length is {focal / side:.2g} times the long side of the photo, and a camera's is "
+                f"the focal length is {focal / side:.2g} times the long side of the photo, but should be "
                 f"{least:g} to {most:g} times: give it in px of the photo file"
             )
     if not (-0.5 <= camera.cx <= width - 0.5 and -0.5 <= camera.cy <= height - 0.5):
         raise InputError(
             f"the principal point ({camera.cx:g}, {camera.cy:g}) lies outside the photo of {width} x {height} px: "
-            "give it in px of the photo file, or give the focal length alone"
+            "give it in px of the photo file, or give only the focal length"
         )
 
 
@@ -205,8 +205,8 @@ def check_image(image: Any) -> UInt8Array:
         raise InputError(f"image must be (H, W, 3), got {image.shape}: {_shape_advice(image.shape)}")
     if min(image.shape[:2]) < MIN_SIDE:
         raise InputError(
-            f"image is {image.shape[1]} x {image.shape[0]} px, and each side must have at least {MIN_SIDE} px: "
-            "give a larger one"
+            f"image is {image.shape[1]} x {image.shape[0]} px, but each side needs at least {MIN_SIDE} px: give "
+            f"a larger one"
         )
     return np.ascontiguousarray(image)
 
@@ -232,11 +232,11 @@ def _read(image: Image.Image, source: ImageSource) -> Photo:
     stored = image.size
     if min(stored) < MIN_SIDE:
         raise InputError(
-            f"cannot use the {source}: it is {stored[0]} x {stored[1]} px, and each side must have at least "
+            f"cannot use the {source}: it is {stored[0]} x {stored[1]} px, but each side needs at least "
             f"{MIN_SIDE} px; give a larger photo"
         )
     if image.mode == "F":
-        raise InputError(f"cannot use the {source}: its pixels are floating point; save it with 8 bits a channel")
+        raise InputError(f"cannot use the {source}: its pixels are floating point; save it with 8 bits per channel")
     notes = list(_frame_notes(image))
     deep = _is_deep(image)  # before decoding, which discards the mode of the file
     factor = math.ceil(math.sqrt(stored[0] * stored[1] / _KEEP_PIXELS))
@@ -248,14 +248,14 @@ def _read(image: Image.Image, source: ImageSource) -> Photo:
         if image.format != "JPEG":
             raise
         image = _decode_without_end_marker(image, source)
-        notes.append("the file's last bytes are missing; its picture is complete")
+        notes.append("the file's last bytes are missing; the image is complete")
     orientation, tags, exif_note = _exif(image)
     left = factor // max(1, round(max(stored) / max(image.size)))  # what the decoder has not reduced itself
     with wrap_decoding_errors(source):
         rgb, conversions = _to_rgb(image, left, deep, source)
     if orientation != 1:
         rgb = np.array(Image.fromarray(rgb).transpose(_UPRIGHT[orientation]))
-        notes.append("rotated upright by the EXIF orientation")
+        notes.append("rotated upright according to the EXIF orientation")
     notes += conversions
     height, width = rgb.shape[:2]
     if factor > 1:
@@ -304,7 +304,7 @@ def _exif(image: Image.Image) -> tuple[int, dict[int, Any], str]:
     """Return the orientation that is left to apply, the tags of the Exif directory, and a note if they are ignored."""
     size = len(image.info.get("exif") or b"")
     if size > _MAX_EXIF_BYTES:
-        return 1, {}, f"the EXIF data were ignored: they take {size / 1e6:.0f} MB"
+        return 1, {}, f"the EXIF data were ignored: they are {size / 1e6:.0f} MB"
     try:
         with wrap_decoding_errors(ImageSource("")):
             exif = image.getexif()
@@ -335,10 +335,10 @@ def _to_rgb(image: Image.Image, factor: int, deep: bool, source: ImageSource) ->
             band = band.convert("RGB")
         rgb[top // factor : math.ceil(box[3] / factor)] = np.asarray(band.reduce(factor) if factor > 1 else band)
     notes = {
-        "16 bits a channel were scaled to 8": deep,
-        "transparent parts were laid over mid-grey": transparent,
+        "16 bits per channel were scaled to 8": deep,
+        "transparent parts were composited over mid-grey": transparent,
         "CMYK colours were converted to RGB without a colour profile": image.mode == "CMYK",
-        "the photo is grey: its one channel stands for red, green and blue": (
+        "the photo is grey: its one channel is used for red, green and blue": (
             image.mode in ("1", "L", "LA", "La") or image.mode.startswith("I")
         ),
     }
@@ -348,5 +348,5 @@ def _to_rgb(image: Image.Image, factor: int, deep: bool, source: ImageSource) ->
 def _grey_from_deep(image: Image.Image, source: ImageSource) -> Image.Image:
     values = np.asarray(image)
     if values.size and (values.min() < 0 or values.max() > 65535):
-        raise InputError(f"cannot use the {source}: its pixels have 32 bits; save it with 8 bits a channel")
+        raise InputError(f"cannot use the {source}: its pixels have 32 bits; save it with 8 bits per channel")
     return Image.fromarray(((values.astype(np.uint32) + 128) // 257).astype(np.uint8))

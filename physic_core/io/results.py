@@ -111,7 +111,7 @@ def read_image(folder: Path) -> NDArray[np.uint8]:
 
 def _incomplete(folder: Path, error: Exception) -> InputError:
     return InputError(
-        f"cannot read {folder / DOCUMENT_FILE}: an entry is missing or of another kind ({_brief(error)}); "
+        f"cannot read {folder / DOCUMENT_FILE}: an entry is missing or of the wrong type ({_brief(error)}); "
         "run the reconstruction again"
     )
 
@@ -144,8 +144,8 @@ def _verified_arrays(
 ) -> dict[str, NDArray[Any]]:
     if file_digest(stream) != document["digests"].get(path.name):
         raise InputError(
-            f"cannot read {path}: its SHA-256 is not the one in {DOCUMENT_FILE} beside it, so it is damaged, or of "
-            "another run; run the reconstruction again"
+            f"cannot read {path}: its SHA-256 differs from that in {DOCUMENT_FILE} beside it, so it is damaged, or "
+            f"from another run; run the reconstruction again"
         )
     try:
         headers = read_headers(stream)
@@ -179,7 +179,7 @@ def _wanted(path: Path, headers: Mapping[str, ArrayHeader], document: Mapping[st
     is_of_people_alone = path.name == PEOPLE_FILE
     views = [[one["index"] for one in camera.get("people", ())] for camera in document.get("cameras", ())]
     if strangers := {index for view in views for index in view} - set(range(people)):
-        raise ValueError(f"{DOCUMENT_FILE} lists person {min(strangers)} in a photo, and has {people} people")
+        raise ValueError(f"{DOCUMENT_FILE} lists person {min(strangers)} in a photo, but has {people} people")
     for number, camera in enumerate(document.get("cameras", ())[1:], start=1):
         sizes |= {f"H{number}": camera["intrinsics"]["height"], f"W{number}": camera["intrinsics"]["width"]}
     compact = is_of_people_alone or is_compact(headers)
@@ -194,7 +194,7 @@ def _wanted(path: Path, headers: Mapping[str, ArrayHeader], document: Mapping[st
             "run the reconstruction again"
         )
     if (found := number_of_people(headers)) > people:
-        raise ValueError(f"it has arrays of {found} people, and {DOCUMENT_FILE} lists {people}")
+        raise ValueError(f"it has arrays for {found} people, but {DOCUMENT_FILE} lists {people}")
     check_arrays(headers, sizes, people, (shared, of_person))
     optional = [f"person_{i}_{spec.name}" for i in range(people) for spec in of_person if spec.optional]
     return [*required, *(name for name in optional if name in headers)]
@@ -204,17 +204,19 @@ def _check_values(arrays: Mapping[str, NDArray[Any]], document: Mapping[str, Any
     """Raise ValueError if arrays contradict each other or the document."""
     for name in ("body_model", "skeleton"):
         if str(arrays[name]) != document[name]:
-            raise ValueError(f"{name} is {str(arrays[name])[:60]!r}, and {DOCUMENT_FILE} has {document[name][:60]!r}")
+            raise ValueError(f"{name} is {str(arrays[name])[:60]!r}, but {DOCUMENT_FILE} has {document[name][:60]!r}")
     partners = len(document["contact_partners"])
     for index in range(len(document["people"])):
         ids = arrays.get(f"person_{index}_contact_partner")
         if ids is not None and ids.size and (ids.min() < NO_PARTNER or ids.max() >= partners):
-            raise ValueError(f"person_{index}_contact_partner has {ids.min()} to {ids.max()}, of {partners} partners")
+            raise ValueError(
+                f"person_{index}_contact_partner has {ids.min()} to {ids.max()}, but there are {partners} partners"
+            )
     faces = arrays["faces"]
     if document["people"] and faces.size:
         vertices = len(arrays["person_0_vertices"])
         if faces.min() < 0 or faces.max() >= vertices:
-            raise ValueError(f"faces has vertices {faces.min()} to {faces.max()}, and a person has {vertices}")
+            raise ValueError(f"faces has vertices {faces.min()} to {faces.max()}, but a person has {vertices}")
 
 
 def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Reconstruction:

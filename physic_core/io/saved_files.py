@@ -39,9 +39,11 @@ class Saving:
             return text
         level, *given = text.split("+")
         if level not in LEVELS:
-            raise ConfigError(f"what to save begins with one of {', '.join(LEVELS)} (got '{text}')")
+            raise ConfigError(f"what to save must begin with one of {', '.join(LEVELS)} (got '{text}')")
         if unknown := set(given) - set(EXTRAS):
-            raise ConfigError(f"{', '.join(EXTRAS)} can be added to what to save (got {', '.join(sorted(unknown))})")
+            raise ConfigError(
+                f"only {', '.join(EXTRAS)} can be added to what to save (got {', '.join(sorted(unknown))})"
+            )
         if "glb" in given and level in ("people", "summary"):
             raise ConfigError(f"GLB files need the scene: save full, exact, compact or numbers (got '{text}')")
         return cls(level, tuple(extra for extra in EXTRAS if extra in given))

@@ -26,9 +26,9 @@ def schema_fault(document: Any) -> str:
         if error.rule == "required":
             missing = [name for name in error.definition["required"] if name not in error.value]
             return f"{path[:200]} has no {', '.join(missing)}"
-        return f"{path[:200]!r} is {reprlib.repr(error.value)}, which is not of the kind of this entry"
+        return f"{path[:200]!r} is {reprlib.repr(error.value)}, which is not of this entry's type"
     except RecursionError:
-        return "its values are nested too deep"
+        return "its values are nested too deeply"
     return ""
 
 

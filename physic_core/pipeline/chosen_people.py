@@ -53,7 +53,7 @@ def select_chosen(people: People, prompt: PeoplePrompt) -> People:
             keypoints = None  # the keypoint detector finds those of all people
     hidden = np.flatnonzero(~masks.any((1, 2)))
     if len(hidden):
-        raise NoPersonError(f"the given masks hide all of {prompt.describe(int(hidden[0]))}: leave it out")
+        raise NoPersonError(f"the given masks hide all of {prompt.describe(int(hidden[0]))}: omit it")
     floor = None if people.floor is None else people.floor & ~masks.any(0)
     boxes = boxes_from_masks(masks).astype(np.float32)
     return replace(people, masks=masks, boxes=boxes, scores=scores, floor=floor, keypoints=keypoints)

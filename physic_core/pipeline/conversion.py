@@ -54,8 +54,8 @@ def convert_to_configured(bodies: Bodies, model: BodyModel, who: str, stages: St
         raise BodyModelError(f"{who}: {error}") from error
     if not valid_body_rows(found.bodies).any():
         raise BodyModelError(
-            f"{who} gives bodies for the body model '{bodies.body_model}' with too few joints to carry them over to "
-            f"'{model.name}': both hips, and both shoulders or the neck, are needed of at least one person"
+            f"{who} gives bodies for the body model '{bodies.body_model}' with too few joints to convert them to "
+            f"'{model.name}': both hips, and both shoulders or the neck, are needed for at least one person"
         )
     stages.note(found.note(bodies.body_model))
     return found.bodies
@@ -71,9 +71,9 @@ def transfer_contact(
     try:
         carried = convert_contact(contact, model, cached_correspondence)
     except BodyModelError as error:
-        stages.warn(f"{who}: {error}; contact is computed from distances alone")
+        stages.warn(f"{who}: {error}; contact is computed from distances only")
         return None
-    stages.note(f"contact carried over from the mesh '{contact.topology}' to '{model.topology}'")
+    stages.note(f"contact transferred from the mesh '{contact.topology}' to '{model.topology}'")
     return carried
 
 

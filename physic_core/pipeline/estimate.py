@@ -292,7 +292,7 @@ class _BackendCalls:
         if not len(people):
             if required:
                 raise _nobody(image, segmenter.title)
-            self.stages.note("no person was found: the result is the scene alone")
+            self.stages.note("no person was found: the result is only the scene")
         return people
 
     def keypoints(self, image: UInt8Array, people: People) -> Keypoints:
@@ -345,7 +345,7 @@ class _BackendCalls:
         """Add estimated finger rotations to bodies, if a hand estimator is configured and succeeds."""
         if "hand_estimator" not in self.backends or not len(request.people):
             return bodies
-        otherwise = "fingers stay as the body_estimator posed them"
+        otherwise = "fingers keep the pose from the body_estimator"
         found = self.stages.call_optional_backend(
             "hands", self.backends["hand_estimator"], request, otherwise=otherwise
         )
@@ -374,7 +374,7 @@ class _BackendCalls:
         none = ContactProbability(np.zeros((n, model.num_vertices), np.float32), model.topology)
         if "contact_prior" not in self.backends or not n:
             return none
-        prior, otherwise = self.backends["contact_prior"], "contact is computed from distances alone"
+        prior, otherwise = self.backends["contact_prior"], "contact is computed from distances only"
         request = ContactPriorRequest(image, people, bodies, topology=model.topology, vertices=model.num_vertices)
         found = self.stages.call_optional_backend("contact prior", prior, request, otherwise=otherwise)
         if found is not None and found.topology != model.topology:
@@ -403,7 +403,7 @@ def _nobody(image: UInt8Array, segmenter: str) -> NoPersonError:
     height, width = image.shape[:2]
     return NoPersonError(
         f"no person was found in the photo of {width} x {height} px by {segmenter}: use a photo that shows at least "
-        "one head and torso, another segmenter, or no require_people for the scene alone"
+        "one head and torso, another segmenter, or no require_people for a scene-only result"
     )
 
 

@@ -82,7 +82,7 @@ class Pipeline:
         self._registry = registry
         if isinstance(config, ResolvedPipeline):
             if backends:
-                raise ConfigError("backends cannot be replaced in a ResolvedPipeline: give them to resolve()")
+                raise ConfigError("backends cannot be replaced in a ResolvedPipeline: pass them to resolve()")
             self._plan = config
         else:
             self._plan = resolve(as_config(config), discover() if registry is None else registry, backends)
@@ -175,9 +175,9 @@ class Pipeline:
     @contextmanager
     def _exclusive(self) -> Iterator[None]:
         if self._closed:
-            raise PhysicError("the pipeline is closed: make a new one")
+            raise PhysicError("the pipeline is closed: create a new one")
         if not self._running.acquire(blocking=False):
-            raise PhysicError("the pipeline is running in another thread: make one for each thread")
+            raise PhysicError("the pipeline is running in another thread: create one per thread")
         try:
             yield
         finally:

@@ -39,7 +39,7 @@ def undistort(
     assert camera is not None
     check_distortion(camera, distortion)
     image = undistort_image(photo.image, camera, distortion)
-    note = "the picture was undistorted; its pixels are not those of the file (Reconstruction.lens maps them back)"
+    note = "the image was undistorted; its pixels are not those of the file (Reconstruction.lens maps them back)"
     photo = replace(photo, image=image, notes=(*photo.notes, note))
 
     def move(pixels: FloatArray) -> FloatArray:

@@ -112,7 +112,7 @@ def test_a_result_names_the_function_that_reads_it(result: Reconstruction, tmp_p
 @pytest.mark.parametrize(
     ("words", "problem"),
     [
-        ("everything", "what to save begins with one of full, exact, compact, numbers, people, summary"),
+        ("everything", "what to save must begin with one of full, exact, compact, numbers, people, summary"),
         ("numbers+page", "preview, glb, report can be added to what to save (got page)"),
         ("people+glb", "GLB files need the scene: save full, exact, compact or numbers (got 'people+glb')"),
     ],

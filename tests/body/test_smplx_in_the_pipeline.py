@@ -45,7 +45,7 @@ def test_the_ruler_and_the_contact_priors_know_other_bodies(world: World, file: 
         assert result.body_model == "smplx"
         assert result.warnings == plain.warnings
         assert any(note.startswith("bodies converted from 'embedded' to 'smplx'") for note in result.notes)
-        assert "contact carried over from the mesh 'physic-embedded-1' to 'smplx'" in result.notes
+        assert "contact transferred from the mesh 'physic-embedded-1' to 'smplx'" in result.notes
         ratio = np.nanmedian(result.scene.points[..., 2] / plain.scene.points[..., 2])
         assert ratio == pytest.approx(1, abs=0.02)
         touching, was = np.flatnonzero(result.people[0].contact), np.flatnonzero(plain.people[0].contact)

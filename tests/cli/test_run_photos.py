@@ -89,9 +89,9 @@ def turned(image: np.ndarray, path: Path) -> None:
 @pytest.mark.parametrize(
     ("save", "note"),
     [
-        (sixteen_bit, "16 bits a channel were scaled to 8"),
+        (sixteen_bit, "16 bits per channel were scaled to 8"),
         (with_alpha, None),
-        (turned, "rotated upright by the EXIF orientation"),
+        (turned, "rotated upright according to the EXIF orientation"),
     ],
 )
 def test_an_odd_file_gives_the_result_of_a_plain_one(world: World, save: Callable[..., None], note: str | None):

@@ -332,7 +332,7 @@ def test_the_papers_pipeline_runs_from_photo_to_files(
     assert asked == {"GroundingDinoForObjectDetection": 2, "Sam2Model": 1, "DepthProForDepthEstimation": 1}
     assert found.body_model == "embedded"
     assert any(note.startswith("bodies converted from 'smpl' to 'embedded'") for note in found.notes)
-    assert f"contact carried over from the mesh 'smpl' to '{world.topology}'" in found.notes
+    assert f"contact transferred from the mesh 'smpl' to '{world.topology}'" in found.notes
     assert found.warnings == ()
     # The carried-over body has the mean shape, 3 % too large: keypoints put it too far away, and contact the scene too.
     assert score.joints < 150

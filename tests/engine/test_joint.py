@@ -331,7 +331,7 @@ def test_shapes_that_do_not_fit_are_all_named(standing):
 @pytest.mark.parametrize(
     ("preset", "message"),
     [
-        ("default", "the depth term compares pixels, but there is no human_depth: give it, or set"),
+        ("default", "the depth term compares pixels, but human_depth is missing: give it, or set"),
         ("paper", "the depth term compares point clouds, but there are neither human_points nor human_depth: give one"),
     ],
 )

@@ -187,5 +187,5 @@ def test_shapes_of_a_view_are_checked(two):
 
 def test_an_energy_without_other_cameras_refuses_them(two):
     problem = replace(two.problem, views=(view_of(two, 40.0),), human_points=(torch.zeros(9, 3),) * 2)
-    with pytest.raises(PhysicError, match=r"^only preset 'default' of the engine uses other cameras"):
+    with pytest.raises(PhysicError, match=r"^only the engine preset 'default' uses other cameras"):
         optimize(problem, engine_preset("release").joint)

@@ -35,7 +35,7 @@ def test_a_mask_in_black_and_white_is_one_person(tmp_path: Path) -> None:
     [
         (np.zeros((4, 4), np.uint8), "every pixel is 0, the background"),
         (np.arange(144, dtype=np.uint8).reshape(12, 12), "it has 143 values above 0, more than 100 people"),
-        (np.zeros((4, 4, 3), np.uint8), "the pixels are RGB, not one number"),
+        (np.zeros((4, 4, 3), np.uint8), "the pixels are RGB, not single numbers"),
     ],
 )
 def test_a_file_that_holds_no_masks_is_refused(tmp_path: Path, pixels: np.ndarray, message: str) -> None:
@@ -47,10 +47,13 @@ def test_a_file_that_holds_no_masks_is_refused(tmp_path: Path, pixels: np.ndarra
 @pytest.mark.parametrize(
     ("prompt", "message"),
     [
-        (PeoplePrompt(), "no person is chosen: give at least one point, box or mask, or no prompt for all people"),
+        (
+            PeoplePrompt(),
+            "no person is chosen: give at least one point, box or mask, or omit the prompt for all people",
+        ),
         (
             PeoplePrompt(points=((3, 3), (40, 3))),
-            "point 2 (40, 3) lies outside the photo of 40 x 30 px, upright as it is shown: give x, y in its px",
+            "point 2 (40, 3) lies outside the upright photo of 40 x 30 px: give x, y in its px",
         ),
         (
             PeoplePrompt(points=((1, float("nan")),)),
@@ -62,21 +65,19 @@ def test_a_file_that_holds_no_masks_is_refused(tmp_path: Path, pixels: np.ndarra
         ),
         (
             PeoplePrompt(boxes=((40, 2, 50, 8),)),
-            "box 1 (40, 2, 50, 8) lies outside the photo of 40 x 30 px, upright as it is shown: "
-            "give x0, y0, x1, y1 in its px",
+            "box 1 (40, 2, 50, 8) lies outside the upright photo of 40 x 30 px: give x0, y0, x1, y1 in its px",
         ),
         (
             PeoplePrompt(masks=np.ones((1, 40, 30), bool)),
-            "the masks have 30 x 40 px and the photo, upright as it is shown, has 40 x 30 px: "
-            "give masks of the photo's size",
+            "the masks have 30 x 40 px, but the upright photo has 40 x 30 px: give masks of the photo's size",
         ),
         (
             PeoplePrompt(masks=np.ones((2, 30, 40), bool)),
-            "masks of two people overlap: give every pixel to one person at most",
+            "masks of two people overlap: assign each pixel to at most one person",
         ),
         (
             PeoplePrompt(masks=np.zeros((1, 30, 40), bool)),
-            "mask 1 has no pixel: leave it out, or mark the person's pixels",
+            "mask 1 has no pixels: omit it, or mark the person's pixels",
         ),
         (
             PeoplePrompt(masks=np.ones((30, 40), np.uint8)),
@@ -107,4 +108,4 @@ def test_a_mask_that_vanishes_when_the_photo_is_reduced_is_reported() -> None:
     mask[0, 29, 39] = True
     with pytest.raises(InputError) as error:
         resize_prompt(PeoplePrompt(masks=mask), (40, 30), (8, 6))
-    assert str(error.value) == "mask 1 has no pixel at 8 x 6 px: paint it larger, or raise photo.max_side"
+    assert str(error.value) == "mask 1 has no pixels at 8 x 6 px: enlarge it, or raise photo.max_side"

@@ -126,7 +126,7 @@ def test_a_jpeg_without_its_end_marker_is_read_with_a_note(tmp_path, options, mi
     path.write_bytes(whole[:-missing])
     photo = read_photo(path)
     np.testing.assert_array_equal(photo.image, expected.image)
-    assert photo.notes == ("the file's last bytes are missing; its picture is complete",)
+    assert photo.notes == ("the file's last bytes are missing; the image is complete",)
     assert expected.notes == ()
 
 
@@ -157,7 +157,7 @@ def test_a_photo_of_eight_pixels_is_refused(tmp_path):
     path = tmp_path / "tiny.png"
     Image.new("RGB", (8, 8)).save(path)
     assert message_of(path) == (
-        f"cannot use the photo {path}: it is 8 x 8 px, and each side must have at least 64 px; give a larger photo"
+        f"cannot use the photo {path}: it is 8 x 8 px, but each side needs at least 64 px; give a larger photo"
     )
 
 
@@ -175,7 +175,7 @@ def test_a_photo_of_too_many_pixels_is_refused(tmp_path, side):
 def test_pixels_of_32_bits_are_refused(tmp_path):
     path = tmp_path / "counts.tiff"
     Image.fromarray(np.full((HEIGHT, WIDTH), 1 << 20, np.int32)).save(path)
-    assert message_of(path) == f"cannot use the photo {path}: its pixels have 32 bits; save it with 8 bits a channel"
+    assert message_of(path) == f"cannot use the photo {path}: its pixels have 32 bits; save it with 8 bits per channel"
 
 
 def test_a_photo_that_may_not_be_read(tmp_path, monkeypatch):
@@ -217,7 +217,7 @@ def test_a_grey_photo_becomes_rgb_with_a_note(tmp_path):
     Image.fromarray(grey).save(path)
     photo = read_photo(path)
     np.testing.assert_array_equal(photo.image, np.repeat(grey[..., None], 3, -1))
-    assert photo.notes == ("the photo is grey: its one channel stands for red, green and blue",)
+    assert photo.notes == ("the photo is grey: its one channel is used for red, green and blue",)
 
 
 def test_a_black_and_white_photo_becomes_rgb_with_a_note(tmp_path):
@@ -225,7 +225,7 @@ def test_a_black_and_white_photo_becomes_rgb_with_a_note(tmp_path):
     Image.fromarray(corners()[..., 0] > 0).save(path)
     photo = read_photo(path)
     np.testing.assert_array_equal(photo.image, np.repeat(corners()[..., :1], 3, -1))
-    assert photo.notes == ("the photo is grey: its one channel stands for red, green and blue",)
+    assert photo.notes == ("the photo is grey: its one channel is used for red, green and blue",)
 
 
 def test_16_bit_grey_is_scaled_to_8_with_a_note(tmp_path):
@@ -235,8 +235,8 @@ def test_16_bit_grey_is_scaled_to_8_with_a_note(tmp_path):
     photo = read_photo(path)
     assert np.abs(photo.image[..., 0] - deep / 257.0).max() <= 0.5 + 1e-9
     assert photo.notes == (
-        "16 bits a channel were scaled to 8",
-        "the photo is grey: its one channel stands for red, green and blue",
+        "16 bits per channel were scaled to 8",
+        "the photo is grey: its one channel is used for red, green and blue",
     )
 
 
@@ -247,7 +247,7 @@ def test_16_bit_rgb_is_scaled_to_8_with_a_note(tmp_path):
     assert cv2.imwrite(str(path), corners()[..., ::-1].astype(np.uint16) * 257)
     photo = read_photo(path)
     np.testing.assert_array_equal(photo.image, corners())
-    assert photo.notes == ("16 bits a channel were scaled to 8",)
+    assert photo.notes == ("16 bits per channel were scaled to 8",)
 
 
 def test_alpha_is_laid_over_mid_grey(tmp_path):
@@ -258,7 +258,7 @@ def test_alpha_is_laid_over_mid_grey(tmp_path):
     photo = read_photo(path)
     assert (photo.image[:, :48] == 128).all()
     np.testing.assert_array_equal(photo.image[:, 48:], corners()[:, 48:])
-    assert photo.notes == ("transparent parts were laid over mid-grey",)
+    assert photo.notes == ("transparent parts were composited over mid-grey",)
 
 
 def test_an_alpha_channel_that_hides_nothing_goes_silently(tmp_path):
@@ -278,8 +278,8 @@ def test_grey_with_alpha_is_laid_over_mid_grey(tmp_path):
     assert (photo.image[:10] == 200).all()
     assert (photo.image[10:] == 128).all()
     assert photo.notes == (
-        "transparent parts were laid over mid-grey",
-        "the photo is grey: its one channel stands for red, green and blue",
+        "transparent parts were composited over mid-grey",
+        "the photo is grey: its one channel is used for red, green and blue",
     )
 
 
@@ -310,7 +310,7 @@ def test_a_turned_photo_comes_upright(tmp_path, orientation):
     photo = read_photo(path)
     np.testing.assert_array_equal(photo.image, corners())
     assert photo.file_size is None  # the image is all of it
-    assert photo.notes == (() if orientation == 1 else ("rotated upright by the EXIF orientation",))
+    assert photo.notes == (() if orientation == 1 else ("rotated upright according to the EXIF orientation",))
 
 
 def test_eighty_megapixels_are_read_at_half_size(tmp_path):
@@ -357,7 +357,7 @@ def test_a_cropped_photo_keeps_no_focal_length(tmp_path):
     photo = read_photo(save_with_exif(tmp_path / "a.jpg", f35=26, px=4000, py=2000))
     assert photo.intrinsics is None
     assert photo.notes == (
-        "the focal length in the EXIF data was ignored: it belongs to 4000 x 2000 px, but the file has 96 x 72 px, "
+        "the focal length in the EXIF data was ignored: it is for 4000 x 2000 px, but the file has 96 x 72 px, "
         "so the photo was cropped",
     )
 
@@ -422,8 +422,8 @@ def test_an_image_of_extreme_aspect_is_refused():
     with pytest.raises(InputError) as caught:
         limit_size(Photo(np.zeros((80, 2000, 3), np.uint8)), 1000)
     assert str(caught.value) == (
-        "the photo is too long and thin: of its 2000 x 80 px, 1000 x 40 px are left at a long side of 1000 px, "
-        "and each side needs 64 px; crop it, or allow a longer side"
+        "the photo is too long and thin: at a long side of 1000 px, its 2000 x 80 px become 1000 x 40 px, "
+        "but each side needs 64 px; crop it, or allow a longer side"
     )
 
 
@@ -432,33 +432,33 @@ def test_an_image_of_extreme_aspect_is_refused():
     [
         (
             Intrinsics.from_focal(1e7, 200, 100),
-            "the focal length is 5e+04 times the long side of the photo, and a camera's is 0.1 to 100 times: "
+            "the focal length is 5e+04 times the long side of the photo, but should be 0.1 to 100 times: "
             "give it in px of the photo file",
         ),
         (
             Intrinsics(200.0, 1.0, 99.5, 49.5, 200, 100),
-            "the focal length is 0.005 times the long side of the photo, and a camera's is 0.1 to 100 times: "
+            "the focal length is 0.005 times the long side of the photo, but should be 0.1 to 100 times: "
             "give it in px of the photo file",
         ),
         (
             Intrinsics(200.0, 200.0, 99.5, -5000.0, 200, 100),
             "the principal point (99.5, -5000) lies outside the photo of 200 x 100 px: give it in px of the photo "
-            "file, or give the focal length alone",
+            "file, or give only the focal length",
         ),
         (
             Intrinsics(200.0, 200.0, 199.6, 49.5, 200, 100),
             "the principal point (199.6, 49.5) lies outside the photo of 200 x 100 px: give it in px of the photo "
-            "file, or give the focal length alone",
+            "file, or give only the focal length",
         ),
         (
             Intrinsics(float("nan"), 200.0, 99.5, 49.5, 200, 100),
-            "the focal length is nan times the long side of the photo, and a camera's is 0.1 to 100 times: "
+            "the focal length is nan times the long side of the photo, but should be 0.1 to 100 times: "
             "give it in px of the photo file",
         ),
         (
             Intrinsics.from_focal(400.0, 400, 200),
-            "the intrinsics are of 400 x 200 px, but the image has 200 x 100 px: "
-            "give those of this image, or intrinsics.resized(200, 100) where it was only resized",
+            "the intrinsics are for 400 x 200 px, but the image has 200 x 100 px: "
+            "give those of this image, or intrinsics.resized(200, 100) if it was only resized",
         ),
     ],
 )
@@ -487,7 +487,7 @@ def test_a_camera_that_cannot_be_the_photos_is_refused(camera, message, max_side
         (np.zeros(5, np.uint8), "image must be (H, W, 3), got (5,): give one RGB image"),
         (np.zeros((72, 96, 3)), "image must be uint8 with values 0-255, got float64: scale it to 0-255 and convert it"),
         (np.zeros((72, 96, 3), np.int64), "image must be uint8 with values 0-255, got int64: convert it"),
-        (np.zeros((8, 8, 3), np.uint8), "image is 8 x 8 px, and each side must have at least 64 px: give a larger one"),
+        (np.zeros((8, 8, 3), np.uint8), "image is 8 x 8 px, but each side needs at least 64 px: give a larger one"),
     ],
 )
 def test_a_bad_array_is_refused(image, message):

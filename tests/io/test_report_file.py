@@ -65,11 +65,11 @@ def test_a_page_that_was_edited_is_not_removed(folder, result):
 def test_the_page_of_a_damaged_result_says_what_is_wrong(folder):
     arrays = folder / "reconstruction.npz"
     arrays.write_bytes(arrays.read_bytes()[:5000])
-    with pytest.raises(InputError, match="its SHA-256 is not the one"):
+    with pytest.raises(InputError, match="its SHA-256 differs from that"):
         add_report(folder)
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert "This result cannot be shown" in page
-    assert "so it is damaged, or of another run; run the reconstruction again" in page
+    assert "so it is damaged, or from another run; run the reconstruction again" in page
 
 
 def test_a_folder_without_a_result_gets_no_page(tmp_path):

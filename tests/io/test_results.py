@@ -259,8 +259,8 @@ def test_arrays_of_another_run_are_refused(tmp_path, make):
     path = tmp_path / "a" / "reconstruction.npz"
     path.write_bytes((tmp_path / "b" / "reconstruction.npz").read_bytes())
     assert message_of(tmp_path / "a") == (
-        f"cannot read {path}: its SHA-256 is not the one in reconstruction.json beside it, so it is damaged, or of "
-        "another run; run the reconstruction again"
+        f"cannot read {path}: its SHA-256 differs from that in reconstruction.json beside it, so it is damaged, or "
+        "from another run; run the reconstruction again"
     )
 
 
@@ -282,7 +282,7 @@ def test_truncated_arrays_are_refused(tmp_path, reconstruction, share):
     path = tmp_path / "reconstruction.npz"
     content = path.read_bytes()
     path.write_bytes(content[: int(len(content) * share)])
-    assert "its SHA-256 is not the one" in message_of(tmp_path)
+    assert "its SHA-256 differs from that" in message_of(tmp_path)
     state_the_digest(tmp_path)
     assert message_of(tmp_path) == (
         f"cannot read {path}: it is damaged (File is not a zip file); run the reconstruction again"
@@ -296,7 +296,7 @@ def test_a_flipped_bit_is_noticed(tmp_path, reconstruction):
     with zipfile.ZipFile(path) as archive:
         content[archive.getinfo("scene_points.npy").header_offset + 50_000] ^= 1
     path.write_bytes(bytes(content))
-    assert "its SHA-256 is not the one" in message_of(tmp_path)
+    assert "its SHA-256 differs from that" in message_of(tmp_path)
     state_the_digest(tmp_path)
     assert message_of(tmp_path) == (
         f"cannot read {path}: it is damaged (Bad CRC-32 for file 'scene_points.npy'); run the reconstruction again"
@@ -326,16 +326,16 @@ def test_an_edited_document_is_read_and_replaced_as_the_runs_own(tmp_path, recon
 @pytest.mark.parametrize(
     ("before", "after", "fault"),
     [
-        ('"score": 0.875', '"score": [1]', "'people.0.score' is [1], which is not of the kind of this entry"),
+        ('"score": 0.875', '"score": [1]', "'people.0.score' is [1], which is not of this entry's type"),
         ('"grade": "bad"', '"grade": "\x1b[31m"', "it is not JSON (Invalid control character at: line"),
-        ('"width": 160', '"width": "\\u001b[31m"', r"'image.width' is '\x1b[31m', which is not of the kind"),
+        ('"width": 160', '"width": "\\u001b[31m"', r"'image.width' is '\x1b[31m', which is not of this entry's type"),
         ('"fx": 128.0', '"fx": NaN', "it is not JSON (NaN is not a JSON number)"),
         ('"fx": 128.0', '"fx": 1e999', "it is not JSON (the number 1e999 is too large)"),
         ('"fx": 128.0', '"fx": 128.0, "fx": 1', "it is not JSON (an object has the key 'fx' twice)"),
         ('"fx": 128.0', '"fx": ' + 900 * "[" + 900 * "]", "it is not JSON (values are nested more than 200 deep)"),
         ('"fx": 128.0', '"fx": ' + 100_000 * "[", "it is not JSON (values are nested more than 200 deep)"),
         ('"fx": 128.0', '"fx": ' + 5000 * "1", "it is not JSON (a number has 5000 digits)"),
-        ('"body_model": "embedded"', '"body_model": "smplx"', "body_model is 'embedded', and reconstruction.json has"),
+        ('"body_model": "embedded"', '"body_model": "smplx"', "body_model is 'embedded', but reconstruction.json has"),
         ('"height": 120', '"height": 121', "image is uint8 (120, 160, 3), not uint8 (121, 160, 3)"),
     ],
     ids=["kind", "control", "escape", "nan", "infinite", "twice", "nested", "deep", "digits", "model", "size"],
@@ -356,14 +356,14 @@ def test_values_that_do_not_belong(tmp_path, reconstruction, before, after, faul
 @pytest.mark.parametrize(
     ("change", "fault"),
     [
-        (lambda a: a["faces"].__setitem__((0, 0), 10_000), "faces has vertices 0 to 10000, and a person has {count}"),
+        (lambda a: a["faces"].__setitem__((0, 0), 10_000), "faces has vertices 0 to 10000, but a person has {count}"),
         (lambda a: a.update(person_1_contact=a["person_0_contact"][:5]),
          "person_1_contact is bool (5,), not bool ({count},)"),
         (lambda a: a.update(person_0_mask=a["person_0_mask"].astype(np.uint8)),
          "person_0_mask is uint8 (120, 160), not bool (120, 160)"),
         (lambda a: a.update(floor_normal=np.zeros((0, 3))), "floor_normal is float64 (0, 3), not floating (1, 3)"),
         (lambda a: a.update(person_7_box=a["person_0_box"]),
-         "it has arrays of 8 people, and reconstruction.json lists 2"),
+         "it has arrays for 8 people, but reconstruction.json lists 2"),
         (lambda a: a.update(image=a["image"][None]), "image is uint8 (1, 120, 160, 3), not uint8 (120, 160, 3)"),
         (lambda a: a.update(scene_points=a["scene_points"].astype(">f4")),
          "scene_points is float32 (120, 160, 3) in the other byte order, not float32 (120, 160, 3)"),
@@ -412,7 +412,7 @@ def test_more_people_than_a_photo_can_show_are_refused_before_they_are_looked_at
     path.write_text(json.dumps(document | {"people": [7] * 1_000_000}))
     # Not "'people.0' is 7": no item is validated.
     assert message_of(tmp_path) == (
-        f"cannot read {path}: 'people' is [7, 7, 7, 7, 7, 7, ...], which is not of the kind of this entry; "
+        f"cannot read {path}: 'people' is [7, 7, 7, 7, 7, 7, ...], which is not of this entry's type; "
         "run the reconstruction again"
     )
 

@@ -77,7 +77,7 @@ def test_a_person_of_a_photo_is_one_of_the_result(tmp_path, several_photos):
     edited(tmp_path, lambda document: document["cameras"][2]["people"][0].update(index=7))
     message = (
         f"cannot read {tmp_path / 'reconstruction.npz'}: it is damaged (reconstruction.json lists person 7 in a photo, "
-        "and has 2 people); run the reconstruction again"
+        "but has 2 people); run the reconstruction again"
     )
     with pytest.raises(InputError) as caught:
         load_reconstruction(tmp_path)
@@ -113,7 +113,7 @@ def test_a_photo_without_a_key_is_named(tmp_path, several_photos, key):
     with pytest.raises(InputError) as caught:
         load_reconstruction(tmp_path)
     assert str(caught.value) == (
-        f"cannot read {path}: an entry is missing or of another kind ('{key}'); run the reconstruction again"
+        f"cannot read {path}: an entry is missing or of the wrong type ('{key}'); run the reconstruction again"
     )
 
 

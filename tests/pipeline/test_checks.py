@@ -223,7 +223,7 @@ def test_the_check_support_is_unknown_with_an_assumed_support() -> None:
         d for d in run_checks(*case(report={"clearance_m": 0.0, "assumed_support": 1.0})) if d.name == "support"
     ]
     assert support.state == "unknown"
-    assert support.message == "not measured: a support that the scene does not show is assumed to carry this person"
+    assert support.message == "not measured: a support not visible in the scene is assumed to carry this person"
 
 
 def test_a_ruler_is_held_against_the_depth_as_it_was_given() -> None:
@@ -251,12 +251,12 @@ def test_joints_that_another_photo_of_the_moment_shows_are_visible() -> None:
         ({"sigma": 0.22}, "all lengths may be off by 22% (one standard deviation): the photo gives no better scale"),
         ({"scale": 1.4}, "the people and the metric depth disagree: the scene was rescaled by 1.40"),
         ({"scene_share": 0.31}, "the scene's scale is doubtful"),
-        ({"scene_share": 0.0}, "point map and metric depth agree nowhere: the scene is the metric depth alone"),
+        ({"scene_share": 0.0}, "point map and metric depth agree nowhere: the scene uses only the metric depth"),
         ({"photo_share": 0.31}, "people's distance to the scene is doubtful"),
-        ({"photo_share": 0.0}, "the photo and its inpainted picture have no background in common"),
+        ({"photo_share": 0.0}, "the photo and the inpainted photo have no background in common"),
         ({"floor": "below_plane"}, "no floor was found: too many pixels lie below the best plane"),
         ({"camera": GUESS, "scene_camera": None}, "a guess, and all distances along the view are off by its error: "),
-        ({"scene_camera": replace(CAMERA, fx=700, fy=700)}, "a backend sees a focal length of 700 px, and 500 px"),
+        ({"scene_camera": replace(CAMERA, fx=700, fy=700)}, "a backend estimates a focal length of 700 px, but 500 px"),
     ],
 )
 def test_a_failed_check_of_a_photo_is_a_warning_that_says_what_to_do(changes: dict[str, Any], warning: str) -> None:
@@ -268,7 +268,7 @@ def test_failed_checks_of_a_body_are_no_warnings_of_the_result() -> None:
     found = run_checks(*case(report={"reprojection_share": 0.1, "penetration_share": 0.5}, lean=20.0))
     assert warning_messages(found) == ()
     report = {d.name: d.message for d in found if d.failed}
-    assert "this person stands and leans 20 degrees towards the camera: one photo hardly shows that" in report["lean"]
+    assert "this person stands and leans 20 degrees towards the camera: one photo hardly shows this" in report["lean"]
 
 
 def test_a_value_at_its_bound_holds_and_beyond_it_does_not() -> None:
@@ -290,18 +290,18 @@ def test_a_value_at_its_bound_holds_and_beyond_it_does_not() -> None:
         ({"floor": "no_pixels"}, "lean", "no floor was found"),
         ({"floor": "no_pixels", "report": {"sole_height_m": -2.3}}, "sole_height", "no floor was found"),
         ({"joints": bent(), "report": {"sole_height_m": 0.3}}, "sole_height", "this person does not stand straight"),
-        ({"source": "lower image"}, "floor_mask", "the segmenter gives no floor pixels"),
+        ({"source": "lower image"}, "floor_mask", "the segmenter returned no floor pixels"),
         ({}, "trunk_tilt", "fewer than two people have a body"),
-        ({}, "support", "there is no floor, and no surface near the body"),
+        ({}, "support", "there is no floor and no surface near the body"),
         ({"floor": "no_pixels"}, "floor_mask", "no floor was found"),
-        ({"floor": "switched_off"}, "floor", "the settings of the engine search no floor"),
+        ({"floor": "switched_off"}, "floor", "the engine settings disable the floor search"),
         ({"legs": False}, "floating", "a leg is not visible"),
         ({"legs": False}, "lean", "a leg is not visible"),
         ({"floor": "no_pixels"}, "bend", "no floor was found"),
         ({"joints": bent()}, "bend", "this person does not stand on straight legs"),
-        ({"joints": standing() @ np.diag([1, 0.2, 1])}, "depth_order", "there is no body, or nothing of it to measure"),
-        ({"joints": np.full((55, 3), np.nan)}, "lean", "there is no body, or nothing of it to measure"),
-        ({"sigma": None}, "scale_sigma", "the metric depth backend estimates no error of its scale"),
+        ({"joints": standing() @ np.diag([1, 0.2, 1])}, "depth_order", "there is no body, or no part of it to measure"),
+        ({"joints": np.full((55, 3), np.nan)}, "lean", "there is no body, or no part of it to measure"),
+        ({"sigma": None}, "scale_sigma", "the metric depth backend does not estimate its scale error"),
         ({"scene_camera": None}, "focal_agreement", "no backend estimates a focal length"),
         ({"camera": replace(GUESS, focal_sigma=0.25)}, "focal_known", "the focal length is a guess with a stated"),
         ({}, "person_depth", "too few visible vertices have a depth"),
@@ -435,7 +435,7 @@ def test_a_check_reads_as_label_value_and_bound(name: str, value: float | None, 
 
 
 RECORDS = (
-    CheckResult("floating", CheckState.FAILED, 0.2, 0.05, "at most", "m", "the body hangs in the air", 1, "Gap", "m"),
+    CheckResult("floating", CheckState.FAILED, 0.2, 0.05, "at most", "m", "the body floats in the air", 1, "Gap", "m"),
     CheckResult("visible", CheckState.OK, 0.9, 0.4, "at least", "share", "visible", 1),
     CheckResult("depth_vs_bodies", CheckState.UNKNOWN, None, 0.5, "at most", "share", "not measured: no depth"),
 )

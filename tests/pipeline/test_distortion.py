@@ -61,7 +61,7 @@ def test_prompts_and_lengths_move_with_the_picture() -> None:
     rows, columns = moved.masks[0].nonzero()
     extent = (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
     assert moved.boxes[0] == pytest.approx(extent, abs=1.5)
-    assert photo.notes[-1].startswith("the picture was undistorted")
+    assert photo.notes[-1].startswith("the image was undistorted")
     assert photo.intrinsics == CAMERA
 
 

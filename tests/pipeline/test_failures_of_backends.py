@@ -113,7 +113,7 @@ def test_without_hands_the_fingers_stay_as_they_were(
 ) -> None:
     result = run(world, "hand_estimator", backends.MockHandEstimator, change)
     title = WRONG.format("hand_estimator", "hands")
-    assert f"{title}{reason}; fingers stay as the body_estimator posed them" in result.warnings
+    assert f"{title}{reason}; fingers keep the pose from the body_estimator" in result.warnings
     assert ANSWERED.format("hand_estimator") in result.warnings
     assert result.people[0].failed_checks[0] == "missing_outputs"
     plain = without(world, "hand_estimator")
@@ -142,7 +142,7 @@ def test_without_a_contact_prior_distances_tell_contact(
 ) -> None:
     result = run(world, "contact_prior", backends.MockContactPrior, change)
     title = WRONG.format("contact_prior", "contact prior")
-    assert f"{title}{reason}; contact is computed from distances alone" in result.warnings
+    assert f"{title}{reason}; contact is computed from distances only" in result.warnings
     assert ANSWERED.format("contact_prior") in result.warnings
     plain = without(world, "contact_prior")
     np.testing.assert_array_equal(result.people[0].contact, plain.people[0].contact)

@@ -82,7 +82,7 @@ def test_backends_are_loaded_once_and_closed_at_the_end(world: World, result: Re
     assert events == {"load": 1, "infer": 2, "close": 1}
     assert same(first, result)
     assert same(second, result)
-    with pytest.raises(PhysicError, match=r"^the pipeline is closed: make a new one$"):
+    with pytest.raises(PhysicError, match=r"^the pipeline is closed: create a new one$"):
         pipeline(world.image)
 
 
@@ -208,7 +208,7 @@ def test_a_second_thread_is_refused(world: World):
 
     with Pipeline("mock", backends={"inpainter": Slow}) as pipeline:
         pipeline(world.image)
-    assert refused == ["the pipeline is running in another thread: make one for each thread"]
+    assert refused == ["the pipeline is running in another thread: create one per thread"]
 
 
 def test_a_person_is_a_mesh_and_the_scene_a_cloud_of_points(result: Reconstruction):

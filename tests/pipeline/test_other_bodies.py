@@ -151,14 +151,14 @@ def test_bodies_of_smpl_are_carried_over(world: World) -> None:
 
 
 def test_bodies_with_too_few_joints_are_refused(world: World) -> None:
-    with pytest.raises(BodyModelError, match="the body model 'smpl' with too few joints to carry them over"):
+    with pytest.raises(BodyModelError, match="the body model 'smpl' with too few joints to convert them"):
         run(world, TooFew, "body_estimator")
 
 
 def test_contact_on_another_mesh_is_carried_over(world: World) -> None:
     result = run(world, OtherContact, "contact_prior")
     plain = reconstruct(world.image, "mock")
-    assert "contact carried over from the mesh 'shuffled' to 'physic-embedded-1'" in result.notes
+    assert "contact transferred from the mesh 'shuffled' to 'physic-embedded-1'" in result.notes
     was, found = plain.people[0].contact, result.people[0].contact
     assert 2 * (was & found).sum() >= 0.95 * (was.sum() + found.sum())
 

@@ -42,7 +42,7 @@ def test_the_scene_is_metric_if_the_metric_depth_needs_no_people(world: World, t
     assert result.people == ()
     assert result.scene.floor.offset == pytest.approx(world.floor.offset, abs=0.02)
     assert np.array_equal(result.scene.colors, result.image)
-    assert "no person was found: the result is the scene alone" in result.notes
+    assert "no person was found: the result is only the scene" in result.notes
     measured = {check.name: check.value for check in result.checks}
     assert measured["photo_alignment"] is measured["scale_change"] is measured["depth_vs_bodies"] is None
     # No inpainting and no second point map: nothing is removed from the photo.
@@ -62,8 +62,8 @@ def test_a_metric_depth_that_needs_people_leaves_the_scale_unknown(world: World)
     assert result.scene.scale_sigma is None
     assert result.scene.floor.offset == pytest.approx(1.45, abs=0.02)
     assert (
-        "the scale is unknown, since no person gives it: the camera is assumed 1.45 m above the floor; "
-        "use a network for metric depth to get metres"
+        "the scale is unknown without a person: the camera is assumed to be 1.45 m above the floor; "
+        "use a metric depth network to get metres"
     ) in result.warnings
     known = load_config(
         preset="mock",

@@ -35,7 +35,7 @@ def message(result: Reconstruction) -> str:
 def test_a_floor_that_no_photo_shows_is_put_under_the_soles_and_named_so(counter: World) -> None:
     bare = solved(counter, "engine.scene.floor_under_people=false")
     assert bare.scene.floor is None
-    assert "people are not held to the ground, and heights are unknown" in message(bare)
+    assert "people are not constrained to the ground, and heights are unknown" in message(bare)
     result = solved(counter)
     floor = result.scene.floor
     assert "it is assumed at the people's feet, and its height is only as accurate as their pose" in message(result)

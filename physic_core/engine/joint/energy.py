@@ -55,7 +55,7 @@ class JointEnergy:
         self._people = None if bool((weights == 1).all()) else weights
         self.terms = self._own_terms()
         if problem.views and not any(isinstance(term, ViewsTerm) for term in self.terms):
-            raise PhysicError("only preset 'default' of the engine uses other cameras: omit its views")
+            raise PhysicError("only the engine preset 'default' uses other cameras: omit its views")
         self.visibility: Visibility
         self.contacts: ContactState
         self._gathered = self.context.start.vertices

@@ -196,7 +196,7 @@ def _place_person(person: PlacementProblem, method: PlacementMethod) -> PersonPl
         else:
             problem = (
                 f"{len(person.keypoints)} keypoints have confidence {method.min_confidence:g} or more, "
-                f"{FEWEST_KEYPOINTS} are needed to place a body by them"
+                f"but {FEWEST_KEYPOINTS} are needed to place a body"
             )
         fit = replace(fit, x=by_keypoints)
         if method.chamfer_weight > 0:
@@ -206,7 +206,7 @@ def _place_person(person: PlacementProblem, method: PlacementMethod) -> PersonPl
             if fit.chamfer_m is None and problem is None:
                 problem = (
                     f"{len(person.points)} points and {int(fit.seen.sum())} camera-facing vertices of the person, "
-                    f"{FEWEST_POINTS} of each are needed: placed by keypoints alone"
+                    f"but {FEWEST_POINTS} of each are needed: placed by keypoints alone"
                 )
         fit = replace(fit, x=method.finish(person, fit))
         if not _is_placed_in_view(person, fit.x):

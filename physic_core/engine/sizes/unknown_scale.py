@@ -27,12 +27,12 @@ def guess_metric_depth(scene: Pointmap, floor: Plane | None, camera: Intrinsics)
     depth = np.where(scene.valid, scene.points[..., 2], np.nan)
     if floor is not None and floor.offset > 0:
         scale = USUAL_CAMERA_HEIGHT_M / floor.offset
-        assumed = f"the camera is assumed {USUAL_CAMERA_HEIGHT_M:g} m above the floor"
+        assumed = f"the camera is assumed to be {USUAL_CAMERA_HEIGHT_M:g} m above the floor"
     else:
         scale = USUAL_DEPTH_M / float(np.nanmedian(depth))
-        assumed = f"the median depth is assumed {USUAL_DEPTH_M:g} m"
+        assumed = f"the median depth is assumed to be {USUAL_DEPTH_M:g} m"
     metric = DepthMap((depth * scale).astype(np.float32), scene.intrinsics or camera)
     return (
         metric,
-        f"the scale is unknown, since no person gives it: {assumed}; use a network for metric depth to get metres",
+        f"the scale is unknown without a person: {assumed}; use a metric depth network to get metres",
     )

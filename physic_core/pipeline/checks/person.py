@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 _KNEES, _ANKLES, _SHOULDERS = joint_pair("knee"), joint_pair("ankle"), joint_pair("shoulder")
 _NO_FLOOR = "no floor was found"
 _ASSUMED_FLOOR = "the floor is only assumed at the people's feet"
-_NO_BODY = "there is no body, or nothing of it to measure"
+_NO_BODY = "there is no body, or no part of it to measure"
 _HIDDEN_LEG = "a leg is not visible"
-_ASSUMED_SUPPORT = "a support that the scene does not show is assumed to carry this person"
+_ASSUMED_SUPPORT = "a support not visible in the scene is assumed to carry this person"
 
 
 def check_person(estimates: Estimates, solution: Solution, person: int) -> Iterator[Measurement]:
@@ -63,7 +63,7 @@ def _check_picture(estimates: Estimates, solution: Solution, person: int) -> Ite
     yield Measurement(
         "reprojection",
         report.get("reprojection_share"),
-        "confident keypoints miss the body: its pose is doubtful, look at it over the photo in preview.png",
+        "the body misses confident keypoints: its pose is doubtful, check the overlay in preview.png",
         unmeasured="no keypoint is confident, or there is no body",
     )
     seen = (
@@ -77,20 +77,20 @@ def _check_picture(estimates: Estimates, solution: Solution, person: int) -> Ite
     yield Measurement(
         "limb_keypoints",
         limb_keypoint_error(*seen),
-        "a limb misses its keypoints: its pose is doubtful, look at it over the photo in preview.png",
-        unmeasured="too few joints of the limbs have a confident keypoint",
+        "a limb misses its keypoints: its pose is doubtful, check the overlay in preview.png",
+        unmeasured="too few limb joints have a confident keypoint",
     )
     distance, joint = worst_limb_joint(*seen, estimates.people.masks[person])
     yield Measurement(
         "limb_joint",
         distance,
-        f"the photo shows the {joint.replace('_', ' ')}, and that of the body is elsewhere: do not trust this limb",
+        f"the photo shows the {joint.replace('_', ' ')}, but the body's is elsewhere: do not trust this limb",
         unmeasured="no elbow, wrist or knee is visible, or there is no body",
     )
     yield Measurement(
         "mask_covered",
         report.get("mask_covered_share"),
-        "the body leaves a part of the person in the photo uncovered: a limb, the pose or the size is wrong",
+        "the body does not cover all of the person in the photo: a limb, the pose or the size is wrong",
         unmeasured=_NO_BODY,
     )
     yield Measurement(
@@ -103,7 +103,7 @@ def _check_picture(estimates: Estimates, solution: Solution, person: int) -> Ite
     yield Measurement(
         "visible",
         report.get("seen_share"),
-        "most of the body is hidden or outside the photo: what is not seen is a guess",
+        "most of the body is hidden or outside the photo: the parts not visible are a guess",
         unmeasured=_NO_BODY,
     )
     observed = _visible_joints(estimates, person)
@@ -127,7 +127,7 @@ def _check_support(estimates: Estimates, solution: Solution, person: int) -> Ite
     yield Measurement(
         "penetration",
         report.get("penetration_share"),
-        "the body cuts into the scene: its place or the scene behind it is wrong, do not use its contacts",
+        "the body penetrates the scene: its position or the scene behind it is wrong, do not use its contacts",
         unmeasured=_NO_BODY,
     )
     # With an invisible leg or an assumed support, what carries the person is unknown.
@@ -137,25 +137,25 @@ def _check_support(estimates: Estimates, solution: Solution, person: int) -> Ite
     yield Measurement(
         "floating",
         report.get("support_gap_m") if unknown is None else None,
-        "the body hangs in the air: its distance or the floor is wrong, or what carries it is missing in the scene",
+        "the body floats in the air: its distance or the floor is wrong, or its support is missing from the scene",
         unmeasured=unknown or _NO_BODY,
     )
     yield Measurement(
         "support",
         report.get("clearance_m") if assumed is None else None,
-        "nothing carries this person: neither floor nor a surface of the scene is near",
-        unmeasured=assumed or "there is no floor, and no surface near the body",
+        "nothing supports this person: neither the floor nor a surface of the scene is near",
+        unmeasured=assumed or "there is no floor and no surface near the body",
     )
     yield Measurement(
         "seat",
         report.get("hidden_seat"),
-        "this person sits by their posture, and the scene shows nothing under them: do not use their seat",
+        "this person's posture is sitting, but the scene has nothing under them: do not use their seat",
         unmeasured="nothing carries this person",
     )
     yield Measurement(
         "balance",
         report.get("balance_m"),
-        "the centre of mass is beside what carries this person: they move, or the pose or a contact is wrong",
+        "the centre of mass is not over the support: the person moves, or the pose or a contact is wrong",
         unmeasured="nothing carries this person",
     )
     yield _check_soles(solution, person, unknown)
@@ -169,7 +169,7 @@ def _check_depth(solution: Solution, person: int) -> Iterator[Measurement]:
     yield Measurement(
         "person_depth",
         None if not ratio else relative_difference(ratio),
-        f"the depth at this person's pixels is {ratio or 1:.2f} times that of the body: their distance is doubtful",
+        f"the depth at this person's pixels is {ratio or 1:.2f} times that of the body: the distance is doubtful",
         unmeasured="too few visible vertices have a depth",
     )
     ratio = report.get("low_depth_ratio")
@@ -182,7 +182,7 @@ def _check_depth(solution: Solution, person: int) -> Iterator[Measurement]:
     yield Measurement(
         "depth_map_order",
         report.get("reversed_depth"),
-        "the depth map puts this person on the other side of another one than the bodies do: who is nearer is in doubt",
+        "depth map and bodies disagree on whether this person is in front of another: who is nearer is doubtful",
         unmeasured="no other person has a body and a depth",
     )
     yield Measurement(
@@ -239,8 +239,8 @@ def _check_lean(solution: Solution, person: int, unknown: str | None) -> Measure
     return Measurement(
         "lean",
         abs(part),
-        f"this person stands and leans {abs(part):.0f} degrees {direction}: one photo hardly shows that, the "
-        "pose or the floor is doubtful",
+        f"this person stands and leans {abs(part):.0f} degrees {direction}: one photo hardly shows this, so "
+        f"the pose or the floor is doubtful",
         unmeasured=unknown or _NO_BODY,
     )
 
@@ -256,8 +256,8 @@ def _check_bend(solution: Solution, person: int) -> Measurement:
     return Measurement(
         "bend",
         abs(part),
-        f"the trunk is bent by {abs(part):.0f} degrees {direction}: the photo does not decide between that and a trunk "
-        "of another length",
+        f"the trunk is bent by {abs(part):.0f} degrees {direction}: the photo cannot distinguish this from a trunk of "
+        "another length",
         unmeasured=unknown,
     )
 

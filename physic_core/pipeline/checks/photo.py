@@ -24,9 +24,9 @@ _NO_FLOOR = {
     "no_pixels": "too few pixels to search",
     "no_consensus": "no horizontal plane has enough pixels",
     "below_plane": "too many pixels lie below the best plane",
-    "through_people": "the only horizontal plane cuts through the people, as tables and seats do",
+    "through_people": "the only horizontal plane cuts through the people, like a table or a seat",
     "far_below_people": "the only horizontal plane lies far below the people, who stand on something else",
-    "tilted": "the only plane contradicts the people who stand, or the other surfaces, in which way is up",
+    "tilted": "the only plane contradicts the up direction of standing people or of other surfaces",
 }
 
 
@@ -43,19 +43,19 @@ def check_photo(estimates: Estimates, solution: Solution, settings: EngineSettin
         f"the scene's scale is doubtful: point map and metric depth agree on {share:.0%} of the pixels within "
         f"{scene.alignment.tolerance:.0%}: try another backend for metric depth or point map"
         if share > 0
-        else "point map and metric depth agree nowhere: the scene is the metric depth alone",
-        unmeasured="the settings of the engine use the metric depth alone",
+        else "point map and metric depth agree nowhere: the scene uses only the metric depth",
+        unmeasured="the engine settings use only the metric depth",
         threshold=MIN_SCENE_INLIER_SHARE,
     )
     share = report["placement"]["alignment"]["inlier_share"] if "placement" in report else None
     yield Measurement(
         "photo_alignment",
         share,
-        "people's distance to the scene is doubtful: the photo and its inpainted picture agree on "
+        "people's distance to the scene is doubtful: the photo and the inpainted photo agree on "
         f"{share:.0%} of the background within {settings.placement.alignment.tolerance:.0%}: "
         "try another backend for inpainting or point map"
         if share
-        else "the photo and its inpainted picture have no background in common: people are placed by size alone",
+        else "the photo and the inpainted photo have no background in common: people are placed by size alone",
         unmeasured=_NO_PEOPLE,
         threshold=MIN_POINTMAP_INLIER_SHARE,
     )
@@ -73,7 +73,7 @@ def check_photo(estimates: Estimates, solution: Solution, settings: EngineSettin
 
 def _check_floor(report: Mapping[str, Any], settings: EngineSettings) -> Iterator[Measurement]:
     reason = report["reason"]
-    instead = "people are not held to the ground, and heights are unknown"
+    instead = "people are not constrained to the ground, and heights are unknown"
     if report.get("source") == "people":
         instead = "it is assumed at the people's feet, and its height is only as accurate as their pose"
     share = report["inlier_share"] if reason == "found" else 0.0
@@ -82,7 +82,7 @@ def _check_floor(report: Mapping[str, Any], settings: EngineSettings) -> Iterato
         None if reason == "switched_off" else share,
         f"no floor was found: {_NO_FLOOR.get(reason, reason)}; {instead}: "
         "use a photo that shows the ground at the feet",
-        unmeasured="the settings of the engine search no floor",
+        unmeasured="the engine settings disable the floor search",
         failed=reason != "found",
         threshold=settings.scene.min_floor_share,
     )
@@ -92,8 +92,8 @@ def _check_floor(report: Mapping[str, Any], settings: EngineSettings) -> Iterato
         "floor_mask",
         float(followed) if reason == "found" and (followed or wrong is not None) else None,
         f"the floor mask was not followed, since {_NO_FLOOR.get(str(wrong), wrong)}: the floor was searched in the "
-        "lower part of the photo, look whether it is the floor in preview.png",
-        unmeasured="no floor was found" if reason != "found" else "the segmenter gives no floor pixels",
+        "lower part of the photo; check it in preview.png",
+        unmeasured="no floor was found" if reason != "found" else "the segmenter returned no floor pixels",
     )
 
 
@@ -116,14 +116,14 @@ def _check_scale(estimates: Estimates, solution: Solution) -> Iterator[Measureme
         "scale_sigma",
         sigma,
         f"all lengths may be off by {sigma or 0:.0%} (one standard deviation): the photo gives no better scale; "
-        "use a network for metric depth, or a photo with feet on the floor",
-        unmeasured="the metric depth backend estimates no error of its scale",
+        "use a metric depth network, or a photo with feet on the floor",
+        unmeasured="the metric depth backend does not estimate its scale error",
     )
     yield Measurement(
         "scale_change",
         relative_difference(scale) if solution.people else None,
         f"the people and the metric depth disagree: the scene was rescaled by {scale:.2f}; "
-        "look at the people's sizes, children and wrong focal lengths do this",
+        "check the people's sizes; children and wrong focal lengths cause this",
         unmeasured=_NO_PEOPLE,
     )
     # Depth at people's pixels has the final scale; this check compares with the depth before scaling.
@@ -134,7 +134,7 @@ def _check_scale(estimates: Estimates, solution: Solution) -> Iterator[Measureme
         None if median_ratio is None else relative_difference(median_ratio),
         f"the metric depth puts the people {median_ratio or 1:.2f} times as far away as their sizes do: distances "
         "between people and scene are doubtful; try another metric_depth, or give the focal length",
-        unmeasured="no person has enough visible vertices with a depth",
+        unmeasured="no person has enough visible vertices with depth",
     )
 
 
@@ -143,9 +143,9 @@ def _check_focal(estimates: Estimates, solution: Solution) -> Iterator[Measureme
     yield Measurement(
         "focal_known",
         None if camera.guessed and camera.focal_sigma is not None else float(not camera.guessed),
-        "the focal length is a guess, and all distances along the view are off by its error: give it, as in "
-        "--set photo.focal_px=900",
-        unmeasured="the focal length is a guess with a stated spread, see focal_sigma",
+        "the focal length is a guess, and all distances along the view are off by its error: give it, for "
+        "example with --set photo.focal_px=900",
+        unmeasured="the focal length is a guess with a stated uncertainty, see focal_sigma",
     )
     off_x, off_y = camera.cx - (camera.width - 1) / 2, camera.cy - (camera.height - 1) / 2
     offset = max(abs(off_x) / camera.width, abs(off_y) / camera.height)
@@ -153,7 +153,7 @@ def _check_focal(estimates: Estimates, solution: Solution) -> Iterator[Measureme
         "principal_point",
         offset,
         f"the principal point ({camera.cx:.0f}, {camera.cy:.0f}) lies {offset:.0%} of the photo's size off its centre "
-        f"({camera.source}), as in a cropped photo only: check --intrinsics",
+        f"({camera.source}), which is normal only in a cropped photo: check --intrinsics",
     )
     witnesses = [estimates.scene.intrinsics, estimates.original.intrinsics, estimates.depth.intrinsics]
     used = math.sqrt(camera.fx * camera.fy)
@@ -162,7 +162,7 @@ def _check_focal(estimates: Estimates, solution: Solution) -> Iterator[Measureme
     yield Measurement(
         "focal_agreement",
         relative_difference(ratio) if ratios else None,
-        f"a backend sees a focal length of {ratio * used:.0f} px, and {used:.0f} px ({camera.source}) was used: "
-        "check the one that was used",
+        f"a backend estimates a focal length of {ratio * used:.0f} px, but {used:.0f} px ({camera.source}) was "
+        f"used: check the value used",
         unmeasured="no backend estimates a focal length",
     )

@@ -108,7 +108,7 @@ BOMBS: dict[str, tuple[Callable[[], bytes], str]] = {
     "jpeg without its end": (jpeg, DAMAGED),
     "jpeg of exif": (
         lambda: jpeg_with(b"\xff\xe1\xff\xffExif\x00\x00" + bytes(65527), 150),
-        "the EXIF data were ignored: they take 10 MB",
+        "the EXIF data were ignored: they are 10 MB",
     ),
     "png with a palette": (palette_png, "144 megapixels were read at 4000 x 4000 px"),
     "png of texts": (

@@ -55,7 +55,7 @@ class DepthTerm:
     def __init__(self, settings: DepthSettings, context: JointContext, state: State) -> None:
         if settings.weight and context.problem.human_depth is None:
             raise PhysicError(
-                "the depth term compares pixels, but there is no human_depth: give it, or set"
+                "the depth term compares pixels, but human_depth is missing: give it, or set"
                 " engine.joint.depth.weight = 0"
             )
         self._context, self._weight = context, settings.weight
