@@ -20,7 +20,7 @@ from physic_core.errors import PhysicError
 __all__ = ["main"]
 
 _MAX_LINE = 4096
-"""Most characters of a line of a message; a name of a file or plugin can have any length."""
+"""Maximum characters of a message line; file and plugin names can have any length."""
 
 
 _OUT_OF_MEMORY = (

@@ -75,7 +75,7 @@ def one_photo(given: tuple[str, ...]) -> Path:
 
     Raises:
         UsageError: there are several; the message has the command for many photos.
-        InputError: it is a folder, a pattern or an address of the network.
+        InputError: it is a folder, a pattern or a URL.
     """
     from physic_core.errors import InputError
 

@@ -59,7 +59,7 @@ def batch(
 ) -> None:
     """Reconstruct PHOTOS: files, folders, glob patterns, or a CSV or Parquet table.
 
-    The same command again goes on where it stopped. A photo that fails is a row of the journal with its reason.
+    Run the same command again to resume. A photo that fails becomes a row of the journal with the reason.
     """
     from physic_core.batch.contact_sheet import check_contact_sheet, write_contact_sheet
     from physic_core.batch.moments import require_moments
@@ -124,10 +124,10 @@ def _job(out: Path, options: Mapping[str, Any], *, write: bool) -> BatchJob:
 
 
 def _executor(logs: Path, options: Mapping[str, Any]) -> Executor:
-    """Return the executor that the options name; nothing is started.
+    """Return the executor named by the options, without starting it.
 
     Raises:
-        ConfigError: an option is not one of the executor.
+        ConfigError: the executor does not have one of the options.
     """
     from physic_core.batch.executors import ExecutorSettings, open_executor
 
@@ -161,7 +161,8 @@ def _describe(plan: BatchPlan, photos: int) -> str:
 
 @contextmanager
 def _show_progress(total: int) -> Iterator[Callable[[Mapping[str, Any]], None]]:
-    """Yield a function for each row: a bar with rate, time left and failures on a terminal, else lines; on stderr."""
+    """Yield a function for each row: on stderr, a bar with rate, time left and failures on a terminal, otherwise
+    lines."""
     import sys
     import time
 

@@ -60,7 +60,7 @@ def _caches() -> dict[str, LruFolder]:
 
 
 def _by_backend(files: Iterable[CacheFile]) -> list[str]:
-    """Format one line with number and size of files for each interface and backend."""
+    """Format one line with the number and size of files for each interface and backend."""
     groups: dict[tuple[str, str], list[CacheFile]] = {}
     for file in files:
         interface, _, rest = file.path.name.partition("-")

@@ -94,7 +94,7 @@ def config_toml(found: Config, registry: Registry | None = None) -> str:
 
     Args:
         found: the configuration.
-        registry: adds all options of the backends and all settings of the engine; None for the given values alone.
+        registry: adds all options of the backends and all settings of the engine; None for only the given values.
 
     Raises:
         ConfigError: names or options are invalid; the message lists all errors.

@@ -1,4 +1,4 @@
-"""Exit codes of all commands, by class of error, and which errors are for lack of memory.
+"""Exit codes of all commands, by error class, and detection of out-of-memory errors.
 
 Code 2: the user has to correct the arguments or the configuration. Code 5: the author of a plugin has to correct the
 plugin. A configuration with errors of both kinds exits with 2.
@@ -52,7 +52,7 @@ EXIT_CODES: dict[type[Exception], int] = {
     BackendError: BACKEND,
     PluginError: BACKEND,
 }
-"""Exit code of each error class; other classes have the code of their nearest base class."""
+"""Exit code of each error class; other classes use the code of their nearest base class."""
 
 
 def exit_code(error: BaseException) -> int:
@@ -64,7 +64,7 @@ _TEXTS = ("failed to map segment", "cannot allocate memory", "can't allocate mem
 
 
 def is_out_of_memory(error: BaseException) -> bool:
-    """Return whether an error, or one that it was raised from, is for lack of memory."""
+    """Return whether an error, or one that it was raised from, is an out-of-memory error."""
     seen: BaseException | None = error
     while seen is not None:
         if isinstance(seen, MemoryError) or (isinstance(seen, OSError) and seen.errno == errno.ENOMEM):

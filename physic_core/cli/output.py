@@ -1,4 +1,4 @@
-"""What all commands print with: text of others must not control the terminal."""
+"""Printing for all commands: untrusted text must not control the terminal."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from physic_core.configuration.quoting import printable
 
 
 def echo(text: object, *, nl: bool = True, err: bool = False) -> None:
-    """Print a text with control characters escaped, which a terminal would obey.
+    """Print a text, with control characters that a terminal would obey escaped.
 
     Args:
-        text: may contain names of files, messages of plugins, and other text that is not ours.
+        text: may contain file names, plugin messages, and other untrusted text.
         nl: whether to print a newline after it.
         err: whether to print to stderr.
     """
@@ -34,7 +34,7 @@ def echo_json(value: object) -> None:
 
 @contextmanager
 def printed_logs() -> Iterator[None]:
-    """Print Python's warnings, and those and errors of loggers, as all other lines, unless the program has handlers."""
+    """Print Python's warnings, and warnings and errors of loggers, like all other lines, unless handlers exist."""
     root, handler = logging.getLogger(), _EchoHandler(logging.WARNING)
     if not root.handlers:  # also of logging.basicConfig, which adds none then
         root.addHandler(handler)
@@ -55,7 +55,7 @@ class _EchoHandler(logging.Handler):
 
 
 def open_missing_streams() -> None:
-    """Open the null device for closed standard streams: a file that is opened later would take their descriptors."""
+    """Open the null device for closed standard streams: files opened later would take their descriptors."""
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         try:
             os.fstat(number)

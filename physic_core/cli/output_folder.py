@@ -1,4 +1,4 @@
-"""The output folder of a command: checked before anything is computed, and not left behind empty."""
+"""The output folder of a command: checked before anything is computed, and removed if left empty."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def reserve_folder(
         made: folders that were created for this command, the first one above the others.
 
     Raises:
-        OutputError: the folder cannot be written, or data of the user would be lost.
+        OutputError: the folder cannot be written, or user data would be lost.
     """
     from physic_core.files.atomic import check_writable
     from physic_core.io.result_folder import check_overwrite

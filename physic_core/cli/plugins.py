@@ -63,7 +63,7 @@ def show_plugin(name: str) -> None:
 
 
 def details(registry: Registry, name: str) -> str:
-    """Format the descriptions of all backends with a name.
+    """Format the descriptions of all backends of a name.
 
     Raises:
         BackendNotFoundError: no backend has this name.

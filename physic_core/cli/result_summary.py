@@ -56,7 +56,7 @@ def print_summary(folder: Path, *, verbose: bool = False, as_json: bool = False,
 
 
 def summary_record(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Return the summary of a result as one object for JSON; lengths are metres.
+    """Return the summary of a result as one JSON object; lengths in metres.
 
     Args:
         document: ``reconstruction.json`` of the result.
@@ -108,7 +108,7 @@ def summary_text(
         folder: of the result.
         width: of the terminal, characters; None for lines of any length.
         verbose: whether to list the time of each stage, and each check that is not ok.
-        seconds: that the whole command took; None for the time of the stages of the result.
+        seconds: taken by the whole command; None for the time of the result's stages.
     """
     stages, people = from_records(StageRecord, document["stages"]), document["people"]
     checks = from_records(CheckResult, document["checks"])
@@ -142,9 +142,9 @@ def _row(person: Mapping[str, Any], checks: Sequence[CheckResult], document: Map
 
 
 def _contact(person: Mapping[str, Any]) -> str:
-    """Return the shares of the body whose parts are likely to touch each thing: "12 % floor, 3 % person 1".
+    """Return the shares of the body that probably touch each thing: "12 % floor, 3 % person 1". For a result
 
-    Of a result that does not state what is touched: "12 % of the body".
+    that does not state what is touched: "12 % of the body".
     """
     if _distance(person) is None:
         return "-"
@@ -160,7 +160,7 @@ def _contact(person: Mapping[str, Any]) -> str:
 
 
 def _reason(person: Mapping[str, Any], checks: Sequence[CheckResult]) -> str:
-    """Return what decides a person's grade: failed checks, else those without a value, else the support."""
+    """Return what decides a person's grade: failed checks, otherwise unmeasured checks, otherwise the support."""
     own = [check for check in checks if check.person == person["index"] and not check.ok]
     if failed := [str(check) for check in own if check.failed]:
         return "; ".join(failed)

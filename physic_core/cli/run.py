@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class _Numbers(click.ParamType[Any]):
-    """Numbers with commas between them, such as fx,fy,cx,cy; any number of them if the name ends in dots."""
+    """Comma-separated numbers, such as fx,fy,cx,cy; any number of them if the name ends in dots."""
 
     def __init__(self, names: str, unit: str = " in px") -> None:
         self.name, self._unit = names, unit
@@ -186,7 +186,7 @@ def run(
 
 
 def _focal_advice(log_sigma: float | None) -> str:
-    """Return how to give a focal length that neither the user nor the photo file knows, with its error."""
+    """Return how to give a focal length unknown to the user and the photo file, with its error."""
     spread = "" if log_sigma is None else f" (± {log_sigma:.0%})"
     return (
         f"the focal length, and with it all distances, is an estimate{spread}: if you know it, give --focal-px PX, "
@@ -217,7 +217,7 @@ def _writes_report(wanted: bool | None, *, required: bool, quiet: bool) -> bool:
 
 
 def _open(page: Path) -> None:
-    """Open a page in the user's browser; say so if there is none."""
+    """Open a page in the user's browser; print a message if there is none."""
     import webbrowser
 
     if not webbrowser.open(page.absolute().as_uri()):
@@ -225,7 +225,7 @@ def _open(page: Path) -> None:
 
 
 class _Terminated(KeyboardInterrupt):
-    """The process received SIGTERM; it passes through the calls of plugins as Ctrl-C does."""
+    """The process received SIGTERM; like Ctrl-C, it passes through plugin calls."""
 
 
 @contextmanager

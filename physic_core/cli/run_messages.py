@@ -1,4 +1,4 @@
-"""Progress of ``physic run``, and what plugins log meanwhile."""
+"""Progress of ``physic run``, and log messages of plugins."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Refuse requests that a page of another site could have sent to a command with a page in the browser."""
+"""Reject cross-site requests to commands that serve a page in the browser."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ _ORIGIN = re.compile(rf"[a-z][a-z0-9+.-]*://(?P<host>{_HOST.pattern})|null", re.
 
 
 def refuse_foreign(host: str, origin: str | None, names: frozenset[str]) -> tuple[int, str] | None:
-    """Return why to refuse a request, which a page of another site could have sent; None to accept it.
+    """Return why to reject a request that a page of another site could have sent; None to accept it.
 
-    A web page can make its reader's browser send requests to 127.0.0.1, and a name server can give 127.0.0.1 a name
-    of its owner's choice. It cannot do so with an address, so every address is allowed.
+    A web page can make its reader's browser send requests to 127.0.0.1, and a name server can give 127.0.0.1 any name
+    that its owner chooses. It cannot do so with an address, so every address is allowed.
 
     Args:
-        host: value of the header Host, or "" without one.
-        origin: value of the header Origin, or None without one.
+        host: value of the Host header, or "" without one.
+        origin: value of the Origin header, or None without one.
         names: of the server, in lower case.
 
     Returns:
-        The status of HTTP, 400, 403 or 421, and the words of the refusal.
+        The HTTP status, 400, 403 or 421, and the message.
     """
     if not (named := _HOST.fullmatch(host)):
         return 400, f"the Host header must be a name or an address, optionally with a port; got '{host[:80]}'"

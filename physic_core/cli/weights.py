@@ -78,7 +78,7 @@ def show_weights(name: str, as_json: bool) -> None:
 @_JSON
 @click.pass_context
 def verify(ctx: click.Context, names: tuple[str, ...], as_json: bool) -> None:
-    """Compare the files of all weight sets, or of the sets NAME..., with their published size and SHA-256.
+    """Compare the files of all weight sets, or of the sets NAME..., with their published sizes and SHA-256.
 
     A file without a published SHA-256 is compared with that of the lock file. Exits with code 4 if a file differs, or
     if a file of a set NAME is missing.

@@ -28,7 +28,7 @@ _MAX_BYTES = {".toml": 1_000_000, ".json": 100_000_000}
 """Maximum size of a config file, bytes. A file with every setting has 40,000, a result with 40 people 200,000."""
 
 _YAML_LINE = re.compile(r"(?:\s*(?:#[^\n]*)?\n)*(?:---|[\w-]+:(?:\s|$))")
-"""Matches a text whose first line, without comments, is YAML."""
+"""Matches text whose first line, ignoring comments, is YAML."""
 
 _MAX_EXTENDS = 16
 """Maximum number of files that extend each other."""
@@ -131,7 +131,7 @@ def _read_text(path: Path, advice: str) -> str:
 
 
 def _path(text: str, title: str = "config") -> Path:
-    """Return the path that a text names, with the home folder for ``~``; ``~name`` is kept if it has none.
+    """Return the path that a text names, with ``~`` expanded; ``~name`` is kept if it has no home folder.
 
     Raises:
         ConfigError: the text has a null character.

@@ -25,8 +25,8 @@ def check_engine_preset(name: str) -> None:
     """Check that there is one preset of this name, without importing it.
 
     Raises:
-        ConfigError: no preset has this name, or several plugins offer it; the message names the distribution of a
-            known one.
+        ConfigError: no preset has this name, or several plugins offer it; the message names the distribution if it
+            is known.
     """
     if name != DEFAULT_ENERGY:
         _find(name)

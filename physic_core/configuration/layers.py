@@ -35,7 +35,7 @@ def preset_names() -> tuple[str, ...]:
 
 
 def is_path(name: str) -> bool:
-    """Return whether a text is the path of a file, not the name of a preset."""
+    """Return whether a string is a file path rather than the name of a preset."""
     return name.endswith((".toml", ".json", *YAML_SUFFIXES)) or "/" in name or os.sep in name
 
 
@@ -58,10 +58,10 @@ def environment_layers(environment: Mapping[str, str]) -> list[SettingsLayer]:
 
 
 def override_layers(overrides: Sequence[str]) -> list[SettingsLayer]:
-    """Return a layer for each text "a.b=c" of the option ``--set``; c is TOML, or a string without quotes.
+    """Return a layer for each string "a.b=c" of the option ``--set``; c is TOML, or a string without quotes.
 
     Raises:
-        ConfigError: a text does not have the form KEY=VALUE.
+        ConfigError: a string does not have the form KEY=VALUE.
     """
     return [("--set", add_folder(_parse_override(text), Path())) for text in overrides]
 
@@ -73,7 +73,7 @@ def merge_layers(layers: Iterable[SettingsLayer]) -> tuple[dict[str, Any], dict[
         The merged tables, and a dictionary from dotted path to the label of the layer that set the value.
 
     Raises:
-        ConfigError: a layer has values that are too large, or of a kind that TOML does not have.
+        ConfigError: a layer has values that are too large, or of a type that TOML does not have.
     """
     merged: dict[str, Any] = {}
     sources: dict[str, str] = {}
@@ -105,7 +105,7 @@ def preset_layers(name: str) -> list[SettingsLayer]:
     """Return the layers of a preset, preceded by those of the preset that it extends.
 
     Raises:
-        ConfigError: there is none of this name.
+        ConfigError: no preset has this name.
     """
     if name not in preset_names():
         from physic_core.discovery.close_names import did_you_mean
@@ -118,7 +118,8 @@ def preset_layers(name: str) -> list[SettingsLayer]:
 
 
 def add_folder(table: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Add the config's folder to the names of classes in local files, so that any working folder finds them."""
+    """Add the config's folder to the names of classes in local files, so that they are found from any working
+    folder."""
     for choice in (table.get(interface) for interface in INTERFACES):
         if isinstance(choice, dict) and isinstance(choice.get("backend"), str):
             choice["backend"] = with_folder(choice["backend"], folder)
@@ -133,7 +134,7 @@ def _parse_override(text: str) -> dict[str, Any]:
 
 
 def _assignment(path: str, value: str, label: str) -> dict[str, Any]:
-    """Return the nested tables of one value at a dotted path; the value is TOML, or a text without quotes."""
+    """Return the nested tables of one value at a dotted path; the value is TOML, or a string without quotes."""
     try:
         parsed = parse_toml(f"value = {value}")
     except InvalidTextError as error:
@@ -150,7 +151,7 @@ def _assignment(path: str, value: str, label: str) -> dict[str, Any]:
 
 
 def shown(text: object, limit: int = 200) -> str:
-    """Return a text of the user for a message."""
+    """Return a user's text for a message."""
     return printable(shorten(str(text), limit))
 
 

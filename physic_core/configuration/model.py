@@ -96,7 +96,7 @@ class BackendChoice(_Table):
 
 
 _FROM_FILE = "file"
-"""Name by which a plugin offers to read a result of an interface from a file of the user, its option ``path``."""
+"""Name of backends that read a result of an interface from a user's file, their option ``path``."""
 _METRES_PER_MILLIMETRE = 0.001  # depth cameras write PNGs in millimetres
 _MAX_PROMPTS = 1000  # people or lengths; a photo that can be reconstructed has tens
 _Pixel = Annotated[float, Field(ge=-1e6, le=1e6)]  # beyond, float32 cannot tell neighbouring pixels
@@ -211,7 +211,7 @@ class PhotoSettings(_Table):
         return self
 
     def known_sizes(self, given: KnownSizes | None = None) -> KnownSizes:
-        """Return the known sizes, in px of the upright photo file; unset ones are those ``given``."""
+        """Return the known sizes, in px of the upright photo file; unset ones default to ``given``."""
         given = given or KnownSizes()
         lengths = tuple(KnownLength((a, b), (c, d), metres) for a, b, c, d, metres in self.known_length or ())
         return KnownSizes(
@@ -314,7 +314,7 @@ class Config(_Table):
     _sources: dict[str, str] = PrivateAttr(default_factory=dict)
 
     def choice(self, interface: str) -> BackendChoice:
-        """Return the backend and options that are chosen for an interface; a file of ``[photo]`` replaces both.
+        """Return the backend and options chosen for an interface; a file of ``[photo]`` replaces both.
 
         Options of a chosen backend that reads files are kept.
         """
@@ -379,7 +379,7 @@ def load_config(
         file: a TOML file, which may extend a preset or another file with ``extends``; or the ``reconstruction.json`` of
             a run, to repeat it.
         preset: the preset to use without a file, or with a file that has no ``extends``.
-        overrides: texts "a.b=c"; c is TOML, or a string without quotes.
+        overrides: strings "a.b=c"; c is TOML, or a string without quotes.
         flags: flag -> the tables that it sets, such as ``{"--focal-px": {"photo": {"focal_px": 900.0}}}``.
         environment: variables such as ``PHYSIC__INPAINTER__BACKEND=telea``, which override the file; ``overrides``
             override them. None for ``os.environ``.

@@ -32,7 +32,7 @@ _TYPE_NAMES = {
     "a finite number": "a finite number",
 }
 _MAX_BYTES = 4000
-"""Maximum size of a message, bytes; problems beyond are counted."""
+"""Maximum size of a message, bytes; further problems are only counted."""
 
 
 def config_error(

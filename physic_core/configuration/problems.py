@@ -12,7 +12,7 @@ class Problem:
     Attributes:
         path: dotted path in the file: "metric_depth.options.scale".
         message: the error, the given value, and the remedy.
-        of_plugin: whether the author of a plugin has to correct it.
+        of_plugin: whether the author of a plugin must correct it.
     """
 
     path: str
@@ -22,7 +22,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class ProblemReport:
-    """Problems that one check of a configuration found.
+    """Problems found by one check of a configuration.
 
     Attributes:
         problems: all of them.

@@ -1,4 +1,4 @@
-"""Quote values of a user in messages: short, and without control characters."""
+"""Quote user values in messages: short, and without control characters."""
 
 from __future__ import annotations
 

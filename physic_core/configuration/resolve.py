@@ -68,7 +68,7 @@ class ResolvedPipeline:
         body_model: "embedded", or the path of an SMPL-X file.
         device: "cpu", "cuda" or "cuda:N".
         config: the configuration that was resolved.
-        given_engine: settings of the engine in place of those of the config, or None.
+        given_engine: engine settings that replace those of the config, or None.
     """
 
     backends: Mapping[str, ResolvedBackend]
@@ -122,7 +122,7 @@ def resolve(
 
 
 def resolve_one(interface: str, name: str, options: Mapping[str, object], registry: Registry) -> ResolvedBackend:
-    """Construct one backend without a configuration; no weights are loaded.
+    """Construct one backend without a configuration and without loading weights.
 
     Raises:
         ConfigError: the interface, the name or the options are invalid; the message lists all errors.
@@ -287,7 +287,7 @@ def _require_interface(name: str) -> None:
 
 
 def _choose_given(interface: str, given: object, registry: Registry) -> _Choice:
-    """Check an instance or a class that was given in Python.
+    """Check an instance or class given in Python.
 
     Raises:
         ConfigError: no interface of a single photo has this name.

@@ -1,4 +1,4 @@
-"""Parse TOML of a configuration, and check that its values are of the kinds that TOML has."""
+"""Parse the TOML of a configuration, and check that its values have TOML types."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from physic_core.configuration.problems import Problem
 from physic_core.configuration.quoting import shorten
 
 _MAX_DEPTH = 16
-"""Tables and lists in each other. The deepest setting has four, the options of a backend seldom more."""
+"""Maximum nesting of tables and lists. The deepest setting has four, backend options seldom more."""
 
 _MAX_VALUES = 100_000
-"""Values of one layer. A file with every setting has 300; the others are entries of lists."""
+"""Maximum values of one layer. A file with every setting has 300; others are list entries."""
 
 _MAX_TEXT = 10_000
-"""Characters of one text. A path has 4,096 at most."""
+"""Maximum characters of one string. A path has at most 4,096."""
 
 _MAX_PROBLEMS = 20
 
@@ -38,10 +38,10 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def check_values(table: Mapping[Any, Any]) -> list[Problem]:
-    """Return the problems of a layer that no later check expects, and that would make one fail or take for ever.
+    """Return the problems of a layer that would make a later check fail or never end. These are keys that are not
 
-    These are keys that are not texts, integers of more than 64 bits (TOML has none), texts that no path or terminal can
-    hold, and layers that are too deep or too large.
+    strings, integers of more than 64 bits (which TOML does not have), strings that no path or terminal can hold, and
+    layers that are too deep or too large.
     """
     problems: list[Problem] = []
     rest: list[tuple[str, Any, int]] = [("", table, 0)]

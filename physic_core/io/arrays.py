@@ -2,8 +2,8 @@
 
 Lengths are in metres. The frame is the OpenCV camera's (x right, y down, z forward). Pixel (0, 0) is the centre of the
 top left pixel. H and W are image rows and columns, F faces, V vertices, J keypoints, K shape components, E expression
-components, M floor points, P is 1 with a floor and 0 without one. Person ``i`` counts from 0. The photos of
-a result that has several count from 0, too, and photo ``c`` has a size Hc x Wc of its own; the reference is photo 0.
+components, M floor points, P is 1 with a floor and 0 without one. Person ``i`` counts from 0. In a result of
+several photos, these also count from 0, and photo ``c`` has its own size Hc x Wc; the reference is photo 0.
 
 A new array is one line in a table here, a field of the dataclass that its ``attribute`` names, and one row of
 docs/file-format.md. Saving, loading, the smaller form and all checks read the tables.
@@ -138,7 +138,7 @@ PERSON_ARRAYS: tuple[ArraySpec, ...] = (
 """Specifications of the arrays of each person, stored as ``person_0_box``, ``person_1_box``, ..."""
 
 CAMERA_ARRAYS = tuple(spec for spec in SHARED_ARRAYS if spec.name == "image")
-"""Specifications of the arrays of each photo but the reference, stored as ``camera_1_image``, ..."""
+"""Specifications of the arrays of each photo except the reference, stored as ``camera_1_image``, ..."""
 
 DETECTION_ARRAYS = tuple(
     spec for spec in PERSON_ARRAYS if spec.name in ("box", "mask", "keypoints", "keypoint_confidence")
@@ -197,11 +197,11 @@ def check_arrays(
     people: int,
     specs: tuple[Iterable[ArraySpec], Iterable[ArraySpec]] = (SHARED_ARRAYS, PERSON_ARRAYS),
 ) -> None:
-    """Check dtype and shape of every array that the tables name, and that arrays of one size agree on it.
+    """Check dtype and shape of every array that the tables name, and that arrays which share a size agree on it.
 
     Args:
         headers: of the arrays in a file; those that no table names are ignored.
-        sizes: of letters that are known from elsewhere.
+        sizes: values of letters known from elsewhere.
         people: number of people.
         specs: tables of the shared arrays, and of those of each person.
 
@@ -227,7 +227,7 @@ def check_arrays(
 
 
 def number_of_people(names: Iterable[str]) -> int:
-    """Return for how many people a file has arrays, by their names."""
+    """Return the number of people for whom a file has arrays, by their names."""
     found = [name.split("_")[1] for name in names if name.startswith("person_")]
     return max((int(index) + 1 for index in found if index.isascii() and index.isdecimal()), default=0)
 

@@ -1,10 +1,10 @@
 """A smaller form of the arrays in ``reconstruction.npz``, about a third of the bytes, for many photos.
 
-Scene points lie on the rays of the pixels: their depth alone is stored, with 15 bits of mantissa, which changes it by
+Scene points lie on the rays of the pixels: only their depth is stored, with 15 bits of mantissa, which changes it by
 at most 0.0015 % (0.05 mm at 3 m). Normals have 8 bits per component (0.4 degrees at most). Both are stored as
-differences to the pixel on the left, which compress better. Vertices and joints of people are rounded to 1/16384 m
-(0.03 mm at most), and distances of vertices to float16 (0.03 mm at 0.1 m). Colours of the scene are stored as
-differences to the photo, which are 0 outside the removed people. Masks and keypoints are exact.
+differences from the left neighbour, which compress better. Vertices and joints of people are rounded to 1/16384 m
+(0.03 mm at most), and distances of vertices to float16 (0.03 mm at 0.1 m). Scene colours are stored as differences
+from the photo, which are 0 outside the removed people. Masks and keypoints are exact.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ COMPACT_SHARED_ARRAYS: tuple[ArraySpec, ...] = tuple(_REPLACED.get(spec.name, sp
 _OFF_RAYS = tuple(spec for spec in COMPACT_SHARED_ARRAYS if spec.name != "scene_depth_steps") + tuple(
     spec for spec in SHARED_ARRAYS if spec.name == "scene_points"
 )
-"""The same, where the points do not lie on the rays."""
+"""The same, if the points do not lie on the rays."""
 
 COMPACT_PERSON_ARRAYS: tuple[ArraySpec, ...] = tuple(
     replace(spec, dtype="float16") if spec.compact == "float16" else spec for spec in PERSON_ARRAYS

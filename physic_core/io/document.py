@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from physic_core.types import CameraView, Person, Reconstruction
 
 SCHEMA_VERSION = 5
-"""Of the documents that are written, and of those that are read."""
+"""Version of documents that are written and read."""
 
 _NUMBERS = re.compile(r"\[\n\s*((?:[-+.\deE]+,\n\s*)*[-+.\deE]+)\n\s*\]")
 
@@ -130,7 +130,7 @@ def read_document(folder: Path) -> dict[str, Any]:
 
 
 def unreadable(path: Path, error: OSError) -> InputError:
-    """Return the error of a file of a result that cannot be read."""
+    """Return the error for an unreadable file of a result."""
     if isinstance(error, FileNotFoundError | NotADirectoryError):
         return InputError(f"cannot read {path}: there is no such file; name the folder of a finished run")
     return InputError(f"cannot read {path}: {error.strerror}; check who may read it")
@@ -152,7 +152,7 @@ def _skeleton(skeleton: Skeleton | str) -> dict[str, Any]:
 
 
 def _cameras(cameras: Sequence[CameraView]) -> dict[str, Any]:
-    """Return ``cameras`` of several photos; of the reference, all but the name is elsewhere in the document."""
+    """Return ``cameras`` of several photos; for the reference, all but the name is elsewhere in the document."""
     others = [
         {
             "photo": camera.photo,

@@ -89,7 +89,7 @@ def _focal_px(
 def _same_shape(original: tuple[float, float], stored: tuple[int, int]) -> bool:
     """Whether two aspect ratios are equal within 2 %, also after a rotation by 90 degrees.
 
-    Some software rotates the pixels and does not change the tags.
+    Some software rotates the pixels without changing the tags.
     """
     aspects = original[0] / original[1], original[1] / original[0]
     return any(abs(aspect * stored[1] / stored[0] - 1.0) < 0.02 for aspect in aspects)

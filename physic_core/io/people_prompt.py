@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray
 
 _MAX_MASKS = 100
-"""Maximum number of people in a mask file. More values are shades of a smoothed edge."""
+"""Maximum number of people in a mask file. More values indicate smoothed edges."""
 
 _MAX_MASK_PIXELS = 64_000_000  # of the file: finding its values takes up to 18 bytes each
 _MAX_BYTES = 1_000_000_000
-"""Maximum size of all masks, which take a byte per pixel."""
+"""Maximum size of all masks, at one byte per pixel."""
 
 _MODES = ("1", "L", "P", "I", "I;16", "I;16B")
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from physic_core.types import Reconstruction
 
 PEOPLE_MARK = ",".join(PERSON_COLUMNS)
-"""First line of the table, by which PhySIC knows its own: CSV has no comments."""
+"""First line of the table, by which PhySIC recognises its own files: CSV has no comments."""
 
 
 def people_csv(result: Reconstruction, photo: str) -> bytes:

@@ -54,7 +54,7 @@ class Photo(ShortRepr):
         image: (H, W, 3) uint8 RGB, upright.
         intrinsics: of ``image``; None if the file has no usable EXIF data.
         notes: conversions of the pixels, as text for the user.
-        file_size: (width, height) of the upright file, px, if the image was reduced while reading; None if it was not.
+        file_size: (width, height) of the upright file, px, if the image was downscaled while reading, otherwise None.
         digest: of the file, or of the pixels of a photo without a file; "" if it was not computed.
     """
 
@@ -68,7 +68,7 @@ class Photo(ShortRepr):
 def read_photo(photo: str | os.PathLike[str] | bytes) -> Photo:
     """Read a photo file as upright 8-bit RGB, with EXIF intrinsics and a note for each conversion.
 
-    A photo above 24 Mpx is reduced by an integer factor while reading. JPEG is decoded directly at the smaller size.
+    A photo above 24 Mpx is downscaled by an integer factor while reading. JPEG is decoded directly at the smaller size.
 
     Args:
         photo: path of the file, or its content as bytes.
@@ -85,9 +85,9 @@ def read_source(photo: PhotoSource) -> Photo:
     """Read a photo from a path, the bytes of a file, a PIL image or an array, and compute its digest.
 
     Args:
-        photo: path or bytes as in :func:`read_photo`; a PIL image of any mode, which is not modified, with the EXIF
-            data that it carries; or an upright array of uint8: (H, W, 3) RGB, or grey (H, W) or (H, W, 1) and RGBA
-            (H, W, 4), which are converted as PIL images of these modes are.
+        photo: path or bytes as in :func:`read_photo`; a PIL image of any mode, which is not modified, with its EXIF
+            data; or an upright uint8 array: (H, W, 3) RGB, or grey (H, W) or (H, W, 1) and RGBA (H, W, 4), which
+            are converted like PIL images of these modes.
 
     Raises:
         InputError: it is of another type, or cannot be used.
@@ -267,7 +267,7 @@ def _read(image: Image.Image, source: ImageSource) -> Photo:
 
 
 def _decode_without_end_marker(image: Image.Image, source: ImageSource) -> Image.Image:
-    """Decode a JPEG of which only the end marker is missing, at the size of ``image``.
+    """Decode a JPEG that lacks only its end marker, at the size of ``image``.
 
     Raises:
         InputError: pixels are missing too.
@@ -301,7 +301,7 @@ def _is_deep(image: Image.Image) -> bool:
 
 
 def _exif(image: Image.Image) -> tuple[int, dict[int, Any], str]:
-    """Return the orientation that is left to apply, the tags of the Exif directory, and a note if they are ignored."""
+    """Return the orientation still to be applied, the tags of the Exif directory, and a note if they are ignored."""
     size = len(image.info.get("exif") or b"")
     if size > _MAX_EXIF_BYTES:
         return 1, {}, f"the EXIF data were ignored: they are {size / 1e6:.0f} MB"
@@ -316,7 +316,7 @@ def _exif(image: Image.Image) -> tuple[int, dict[int, Any], str]:
 
 
 def _to_rgb(image: Image.Image, factor: int, deep: bool, source: ImageSource) -> tuple[UInt8Array, list[str]]:
-    """Convert any Pillow mode to RGB (H, W, 3), reduced by an integer factor, with a note for each conversion."""
+    """Convert any Pillow mode to RGB (H, W, 3), downscaled by an integer factor, with a note for each conversion."""
     width, height = image.size
     rows = max(1, _BAND_PIXELS // width // factor) * factor
     rgb = np.empty((math.ceil(height / factor), math.ceil(width / factor), 3), np.uint8)

@@ -22,7 +22,7 @@ _KEYS = {
 
 
 def to_record(value: Any) -> Any:
-    """Return a dataclass, or a sequence of such, ready for :func:`physic_core.files.strict_json.to_json`.
+    """Return a dataclass, or a sequence of them, ready for :func:`physic_core.files.strict_json.to_json`.
 
     The keys of a contact's partner are among those of the contact. Titles of partners and hidden supports are for
     readers.
@@ -45,7 +45,7 @@ def from_record(kind: type[_Record], record: Mapping[str, Any]) -> _Record:
     """Parse a dataclass of class ``kind``.
 
     Raises:
-        KeyError, TypeError, ValueError: a key is missing, or of another kind.
+        KeyError, TypeError, ValueError: a key is missing, or of the wrong type.
     """
     values: dict[str, Any] = {}
     hints = _hints(kind)  # type: ignore[arg-type]  # mypy takes no type variable for hashable

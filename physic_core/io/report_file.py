@@ -43,7 +43,7 @@ def add_report(folder: str | os.PathLike[str], reconstruction: Reconstruction | 
 
     Args:
         folder: of a finished run.
-        reconstruction: its result, if it is at hand; else it is loaded.
+        reconstruction: its result; loaded if None.
         title: of the page; by default the name of the folder.
 
     Raises:

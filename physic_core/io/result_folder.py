@@ -1,4 +1,4 @@
-"""File names and digests of a result folder, and a check that no file of the user is overwritten."""
+"""File names and digests of a result folder, and a check that no user file is overwritten."""
 
 from __future__ import annotations
 
@@ -73,8 +73,8 @@ def digests_of_result(folder: str | os.PathLike[str]) -> dict[str, str]:
 def unchanged_result_files(folder: str | os.PathLike[str]) -> frozenset[str]:
     """Return the names of the files that an earlier run wrote to a folder and that are unchanged.
 
-    The run may have been killed while it wrote them. Links and files with another digest belong to the user. The
-    document is a run's, also if it was edited.
+    The run may have been killed while writing them. Links and files with another digest belong to the user. The
+    document belongs to the run, even if it was edited.
     """
     folder = Path(folder)
     documents = _documents(folder)
@@ -100,13 +100,13 @@ def check_overwrite(
     overwrite: bool = False,
     names: Iterable[str] | None = None,
 ) -> None:
-    """Raise OutputError if writing a result to a folder would overwrite data of the user.
+    """Raise OutputError if writing a result to a folder would overwrite user data.
 
     Args:
         folder: where the result will be written.
         photo: digests of its photo.
         overwrite: allow replacing the result of another photo, and files of a result that were changed.
-        names: of the files that will be written; None for all that a result can have.
+        names: of the files that will be written; None for all possible files of a result.
 
     Raises:
         OutputError: a file with one of these names is the photo, was not written by a run, or was changed; the folder
@@ -144,7 +144,7 @@ def _names_in(folder: Path) -> list[str]:
 
 
 def _documents(folder: Path) -> list[dict[str, Any]]:
-    """Read ``reconstruction.json`` of a folder, and those of runs that were killed while they wrote."""
+    """Read ``reconstruction.json`` of a folder, and those of runs that were killed while writing."""
     names = [DOCUMENT_FILE, *(path.name for path in interrupted_index_files(folder, DOCUMENT_FILE))]
     return [document for name in names if (document := _document(folder, name)) is not None]
 

@@ -67,7 +67,7 @@ if TYPE_CHECKING:
 
 _SMALL = 256 << 20
 _MAX_RATIO = 50
-"""Arrays may have 256 MB, and 50 times the size of their file beyond: photos and depth compress by less than 10."""
+"""Arrays may have 256 MB plus 50 times the size of their file: photos and depth compress by less than 10."""
 
 
 def load_reconstruction(folder: str | os.PathLike[str]) -> Reconstruction:
@@ -86,7 +86,7 @@ def load_reconstruction(folder: str | os.PathLike[str]) -> Reconstruction:
 
 
 def load_people(folder: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
-    """Read the arrays of a result that ``physic batch --save people`` wrote, and verify digests, dtypes and shapes.
+    """Read the arrays of a result saved with ``--save people``, and verify digests, dtypes and shapes.
 
     Returns:
         The arrays by name, as in :mod:`physic_core.io.arrays`, such as ``person_0_vertices`` (V, 3), metres, in the
@@ -117,7 +117,7 @@ def _incomplete(folder: Path, error: Exception) -> InputError:
 
 
 def _brief(error: Exception) -> str:
-    """Return the message of an error of a library, which can quote the file."""
+    """Return the message of a library error, which may quote the file."""
     text = str(error)
     text = text if len(text) <= 300 else f"{text[:300]} ..."
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
@@ -171,8 +171,8 @@ def _wanted(path: Path, headers: Mapping[str, ArrayHeader], document: Mapping[st
 
     Raises:
         InputError: an array is missing.
-        ValueError: an array has another dtype or shape, or there are other people.
-        KeyError, TypeError: an entry of the document is missing, or of another kind.
+        ValueError: an array has the wrong dtype or shape, or the people differ.
+        KeyError, TypeError: an entry of the document is missing, or of the wrong type.
     """
     people, image = len(document["people"]), document["image"]
     sizes = {"H": image["height"], "W": image["width"], "P": 0 if document["scene"]["floor"] is None else 1}
@@ -254,7 +254,7 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
 
 
 def _camera(record: Mapping[str, Any], prefix: str, arrays: Mapping[str, NDArray[Any]]) -> CameraView:
-    """Return a photo but the reference."""
+    """Return a photo other than the reference."""
     rotation, translation = (np.array(from_json(record[name]), np.float64) for name in ("rotation", "translation"))
     return CameraView(
         **_values(CAMERA_ARRAYS, arrays, prefix=prefix),
@@ -300,5 +300,5 @@ def _values(
 
 
 def _owner(spec: ArraySpec) -> str | None:
-    """Return the start of the attribute up to its last point; None for an array that is converted."""
+    """Return the attribute up to its last dot; None for an array that is converted."""
     return "".join(spec.attribute.rpartition(".")[:2]) if spec.attribute else None

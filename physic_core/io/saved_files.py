@@ -1,4 +1,4 @@
-"""Words that name the files to write for a photo, such as "full" or "numbers+preview"."""
+"""Words for the files to write for a photo, such as "full" or "numbers+preview"."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ EXTRAS = ("preview", "glb", "report")
 
 @dataclass(frozen=True)
 class Saving:
-    """The files to write for a photo; :meth:`parse` reads the word that names them.
+    """The files to write for a photo; :meth:`parse` parses their word.
 
     Attributes:
         level: one of LEVELS.
@@ -33,7 +33,7 @@ class Saving:
         """Read a level with extras, such as "numbers+preview+report".
 
         Raises:
-            ConfigError: a part is not known, or the level has no GLB files.
+            ConfigError: a part is unknown, or the level has no GLB files.
         """
         if isinstance(text, Saving):
             return text

@@ -1,4 +1,4 @@
-"""Write a reconstruction to a folder: the files that one word names, such as "full" or "numbers+preview"."""
+"""Write a reconstruction to a folder: the files named by one word, such as "full" or "numbers+preview"."""
 
 from __future__ import annotations
 
@@ -47,15 +47,15 @@ def save_reconstruction(
 ) -> tuple[Path, ...]:
     """Write the files of a result to a folder.
 
-    JSON, arrays and pictures are all written, or none; if the process is killed, the folder may have no result. Numbers
-    have the dtypes of :mod:`physic_core.io.arrays`. An earlier result of the same photo is replaced. The result of
-    another photo and changed files are replaced only with ``overwrite``. The photo, and files that no run wrote, are
-    never replaced.
+    Either all of JSON, arrays and pictures are written, or none; if the process is killed, the folder may have no
+    result. Numbers have the dtypes of :mod:`physic_core.io.arrays`. An earlier result of the same photo is replaced.
+    The result of another photo and changed files are replaced only with ``overwrite``. The photo, and files that no run
+    wrote, are never replaced.
 
     Args:
         reconstruction: what to save.
         folder: created if missing.
-        save: which files, such as "numbers+preview"; :mod:`physic_core.io.saved_files` has the words.
+        save: which files, such as "numbers+preview"; see :mod:`physic_core.io.saved_files`.
         title: of the report, such as the name of the photo; by default the name of the folder.
         overwrite: whether to replace another photo's result, or changed files of a result.
         beside: name and content of further files, which are files of the result too; none at level "summary".
@@ -66,8 +66,8 @@ def save_reconstruction(
 
     Raises:
         ConfigError: ``save`` is not valid.
-        OutputError: the folder cannot be written, or data of the user would be lost.
-        PackageMissingError: a report is to be written, and no installed plugin makes it.
+        OutputError: the folder cannot be written, or user data would be lost.
+        PackageMissingError: a report is requested, and no installed plugin writes it.
         Exception: a picture cannot be made; the numbers are then written without pictures.
     """
     saving, folder = Saving.parse(save), Path(folder)

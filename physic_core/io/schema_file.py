@@ -11,12 +11,12 @@ from typing import Any
 
 
 def result_schema_file() -> Path:
-    """Return the path of the JSON Schema (draft 2020-12) of ``reconstruction.json`` as it is written now."""
+    """Return the path of the JSON Schema (draft 2020-12) of ``reconstruction.json`` for the current version."""
     return Path(__file__).with_name("reconstruction.schema.json")
 
 
 def schema_fault(document: Any) -> str:
-    """Return what in a document is missing, or of another kind than the schema says; "" if nothing is."""
+    """Return what in a document is missing, or of the wrong type by the schema; "" if nothing is."""
     from fastjsonschema import JsonSchemaValueException
 
     try:

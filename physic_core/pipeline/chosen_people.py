@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Keypoints, People, PeoplePrompt
 
 _MIN_BOX_IOU = 0.3
-"""A found person whose box has less overlap with the user's box is a different person."""
+"""Minimum overlap of a detected person's box with the user's box to be the same person."""
 
 _MIN_MASK_IOU = 0.5
-"""Found keypoints are kept for a given mask that overlaps at least so much with the found one."""
+"""Minimum overlap of a given mask with a detected one to keep the detected keypoints."""
 
 
 def select_chosen(people: People, prompt: PeoplePrompt) -> People:
-    """Return the people whom the prompts hit, in the order of the prompts, with the given masks as they are.
+    """Return the people whom the prompts hit, in the order of the prompts, with the given masks unchanged.
 
     Args:
         people: all people whom the segmenter found, (N, H, W) masks.
@@ -60,7 +60,8 @@ def select_chosen(people: People, prompt: PeoplePrompt) -> People:
 
 
 def person_at_point(people: People, point: tuple[float, float]) -> int | None:
-    """Return the person whose mask contains a pixel x, y; else the one with the smallest box around it; else None."""
+    """Return the person whose mask contains a pixel x, y; otherwise the one with the smallest box around it, or
+    None."""
     x, y = point
     on_mask = np.flatnonzero(people.masks[:, round(y), round(x)])
     if len(on_mask):

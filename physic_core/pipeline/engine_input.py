@@ -42,7 +42,7 @@ _RAISED_SURFACES = ("seat", "bed", "table", "cabinet", "vehicle")
 
 @dataclass(frozen=True)
 class EngineInput(ShortRepr):
-    """Estimates of a photo with B people, as tensors: what the stages of the engine need of them.
+    """Estimates of a photo with B people, as tensors for the stages of the engine.
 
     Attributes:
         scene: input of stage 1.
@@ -52,8 +52,8 @@ class EngineInput(ShortRepr):
         contact_probability: (B, V) of the contact prior.
         surfaces: (H, W) int64, index into ``surface_names`` of each pixel; None if the segmenter labels none.
         surface_names: classes of surfaces.
-        raised: (H, W) bool, surfaces that can carry a foot over the ground; None if the segmenter labels none.
-        objects: (K, H, W) bool, visible pixels of what people hold; None if the segmenter looks for none.
+        raised: (H, W) bool, surfaces that can carry a foot above the ground; None if the segmenter labels none.
+        objects: (K, H, W) bool, visible pixels of held objects; None if the segmenter does not detect objects.
         standing: (B,) how far the feet are from standing on the floor, in standard deviations; None if not measured.
     """
 
@@ -127,7 +127,7 @@ def _trust(camera: Intrinsics) -> int:
 
 
 def sized_scene(estimates: Estimates, masks: Tensor, scene: SceneState) -> KnownScene | None:
-    """Return the scene in the size that the user's sizes give it; None if the user knows no size.
+    """Return the scene scaled by the user's known sizes; None if no size is known.
 
     Args:
         masks: (B, H, W) bool, visible pixels of each person.

@@ -61,7 +61,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ChosenByUser:
-    """What the user wants and knows, in px of the image.
+    """The user's choices and known sizes, in px of the image.
 
     Attributes:
         people: whom to reconstruct; None for all people.
@@ -90,9 +90,10 @@ class Estimates(ShortRepr):
         missing_results: per person, the interfaces whose backend returned no valid values for them. Such a person has
             keypoints of confidence 0, a body of NaN, flat hands or no prior contact.
         known: sizes that the user knows, in px of ``image``.
-        statures: (N,) metres, known ones, NaN where unknown; None if no stature is known.
-        objects: (K, H, W) bool, visible pixels of objects in hands and on laps; None if the segmenter looks for none.
-        ages: (N,) years, known ones, NaN where unknown; None if no age is known.
+        statures: (N,) known ones, metres, NaN where unknown; None if no stature is known.
+        objects: (K, H, W) bool, visible pixels of objects in hands and on laps; None if the segmenter does not detect
+            objects.
+        ages: (N,) known ones, years, NaN where unknown; None if no age is known.
         scale_guess: warning that the scale of ``depth`` is a guess, or "".
         views: what other cameras show of the same people.
         standing: (N,) how far each person's feet are from standing on ``floor``, in standard deviations; see
@@ -141,7 +142,7 @@ def run_backends(
         chosen: by the user; None for all people and no known size.
 
     Raises:
-        InputError: the number of known statures is not that of the people.
+        InputError: the number of known statures differs from that of the people.
         NoPersonError: a prompt selects no person, or people are required and the segmenter found none.
         BackendError: a required backend failed.
         BackendOutputError: a required backend returned an invalid result.
@@ -210,7 +211,7 @@ def _known_people(chosen: ChosenByUser, people: People) -> KnownPeople:
 
 @dataclass(frozen=True)
 class _Pointmaps:
-    """Point maps of the inpainted photo and of the photo, and what follows from them.
+    """Point maps of the inpainted and the original photo, and derived data.
 
     Attributes:
         scene: of the inpainted photo.
@@ -230,7 +231,7 @@ class _Pointmaps:
 def _removed(
     people: People, keypoints: Keypoints, plan: ResolvedPipeline, shape: tuple[int, ...]
 ) -> tuple[BoolArray, BoolArray | None]:
-    """Return the pixels (H, W) that are inpainted, and those (N, H, W) of objects that people hold."""
+    """Return the inpainted pixels (H, W), and those (N, H, W) of objects that people hold."""
     hole = np.logical_or.reduce(people.masks)
     if people.unposed_mask is not None:
         hole |= people.unposed_mask

@@ -1,4 +1,4 @@
-"""Choose the floor: the surface beside the people's feet if they stand on it, else what is labelled as floor.
+"""Choose the floor: the surface beside the people's feet if they stand on it, otherwise the labelled floor.
 
 A segmenter looks for the floor beside the feet. Behind the feet of people who hang or jump there is a wall as well as a
 floor. Whether feet stand on a candidate is measured, see :func:`physic_core.engine.sizes.standing_scores`.
@@ -29,7 +29,7 @@ class FloorCandidate:
     """A candidate for the floor.
 
     Attributes:
-        mask: (H, W) bool, its pixels; None if the segmenter looks for no floor.
+        mask: (H, W) bool, its pixels; None if the segmenter does not detect floors.
         plane: in the units of the scene; None if no plane fits.
     """
 
@@ -40,7 +40,7 @@ class FloorCandidate:
 def floor_candidates(
     scene: Pointmap, people: People, hole: BoolArray, keypoints: Keypoints, method: SceneMethod
 ) -> tuple[FloorCandidate, ...]:
-    """Return the floor of the segmenter, and the labelled floor if that is elsewhere and a plane fits it."""
+    """Return the segmenter's floor, and the labelled floor if it is elsewhere and a plane fits it."""
     if method.floor == "off":
         return (FloorCandidate(people.floor, None),)
     first = _candidate(scene, people.floor, hole, keypoints)
@@ -57,7 +57,8 @@ def floor_candidates(
 def choose_floor(
     candidates: tuple[FloorCandidate, ...], hints: Hints, model: BodyModel, lifted_sigmas: float = 3.0
 ) -> tuple[FloorCandidate, FloatArray]:
-    """Return the first candidate on which a person stands, else the last, and the standing scores (N,) of the people.
+    """Return the first candidate on which a person stands, otherwise the last, and the standing scores (N,) of the
+    people.
 
     If standing cannot be measured, the floor is the first candidate.
 
@@ -65,7 +66,7 @@ def choose_floor(
         candidates: of :func:`floor_candidates`.
         hints: with the N people, their bodies, the camera, and the point map of the photo in units of the scene.
         model: of the bodies.
-        lifted_sigmas: standard deviations from standing, beyond which feet are over the floor.
+        lifted_sigmas: standard deviations from standing, beyond which feet are off the floor.
     """
     # Imported here: it imports torch, which a thread imports while the first network runs.
     from physic_core.engine.sizes import scales_by_soles, scales_by_torsos, standing_scores
@@ -116,7 +117,7 @@ def _candidate(scene: Pointmap, mask: BoolArray | None, hole: BoolArray, keypoin
 
 
 def floor_evidence(mask: BoolArray | None, hole: BoolArray, keypoints: Keypoints) -> FloorEvidence:
-    """Return what the photo shows of the floor: its mask, the inpainted pixels and the feet."""
+    """Return the floor in the photo: its mask, the inpainted pixels and the feet."""
     from physic_core.geometry.floor import FloorEvidence
     from physic_core.geometry.tensors import optional_tensors
 

@@ -1,4 +1,4 @@
-"""What the user knows of each person: which stature and age is whose, and bodies of that size."""
+"""Known sizes of people: assign statures and ages to people, and resize their bodies."""
 
 from __future__ import annotations
 
@@ -26,8 +26,9 @@ def known_people(known: KnownSizes, people: People, *, chosen: bool = False) -> 
     """Return the known stature, metres, and age, years, of each of N people, NaN where unknown.
 
     Args:
-        known: its statures and ages are in the order of the people if the user chose these, else from left to right.
-        people: whom the segmenter found.
+        known: its statures and ages are in the order of the people if the user chose them, otherwise from left to
+            right.
+        people: found by the segmenter.
         chosen: whether the user chose the people.
 
     Raises:
@@ -97,10 +98,10 @@ def bodies_of_stature(bodies: Bodies, model: BodyModel, statures: FloatArray, ne
 
 
 def resize_children(bodies: Bodies, model: BodyModel, known: KnownPeople) -> tuple[Bodies, list[str]]:
-    """Give people of a known age under 16 years a child's stature and shape; the others stay as they are.
+    """Give people of known age under 16 a child's stature and shape; others are unchanged. Body estimators
 
-    Body estimators take all people for adults, so that children come out as adults who are farther away. A child stays
-    as large in the photo as before. A known stature counts more than an age.
+    treat all people as adults, so children come out as adults farther away. The size of a child in the photo is
+    preserved. A known stature overrides an age.
 
     Args:
         bodies: of N people, of the configured body model; people of known stature have it.

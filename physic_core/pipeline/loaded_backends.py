@@ -32,9 +32,9 @@ class LoadedBackends:
         self._uses: dict[int, dict[str, FileUse]] = {}
 
     def load(self, resolved: ResolvedBackend) -> float:
-        """Load a backend unless it is loaded, and return the seconds that this took.
+        """Load a backend unless it is loaded, and return the seconds taken. A backend
 
-        A backend whose ``load`` failed earlier is closed and loaded anew.
+        whose ``load`` failed earlier is closed and reloaded.
         """
         start, key = time.perf_counter(), id(resolved.backend)
         if key not in self._ready:
@@ -67,7 +67,7 @@ class LoadedBackends:
 def load_backend(
     interface: str, name: str, /, *, device: str = "cpu", registry: Registry | None = None, **options: object
 ) -> Backend:
-    """Load one backend, to call it alone: ``load_backend("inpainter", "telea")(image, mask)``.
+    """Load a single backend, to call it directly: ``load_backend("inpainter", "telea")(image, mask)``.
 
     Its arguments are those of ``infer``. ``close`` releases its memory.
 

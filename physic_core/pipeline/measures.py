@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Ground:
-    """Which way is up, and where the floor is.
+    """Up direction and floor position.
 
     Attributes:
         up: (3,) unit.
@@ -94,7 +94,7 @@ def support_gap(
 def clearance(vertices: Tensor, distance: Tensor, ground: Ground) -> float | None:
     """Compute the gap between a body and the nearest surface or floor, metres; 0 if any vertex touches.
 
-    Unlike :func:`support_gap`, all vertices count, seen or not. None without a floor and without a surface in reach.
+    Unlike :func:`support_gap`, all vertices count, visible or not. None without a floor or a surface in reach.
 
     Args:
         vertices: (V, 3).
@@ -119,7 +119,7 @@ def sole_height(vertices: Tensor, soles: Tensor, ground: Ground) -> float | None
 
 
 def moved_scene(points: Tensor, before: Tensor, mask: Tensor) -> float | None:
-    """Return how far inpainted scene points were moved behind a person: the 0.9 quantile, in the unit of the points.
+    """Return how far inpainted scene points were moved back behind a person: the 0.9 quantile, in the points' unit.
 
     None with too few moved points.
 

@@ -1,4 +1,4 @@
-"""Limit the memory that reading a photo takes in a worker process."""
+"""Limit the memory for reading a photo in a worker process."""
 
 from __future__ import annotations
 
@@ -9,15 +9,14 @@ from contextlib import contextmanager
 from pathlib import Path
 
 _MAX_READING_BYTES = 2_000_000_000
-"""More memory than a photo takes: files just below the limits of their formats took up to 1.27 GB."""
+"""More than any photo needs: files just below the limits of their formats took up to 1.27 GB."""
 
 
 @contextmanager
 def limited_memory(device: str) -> Iterator[None]:
-    """Let this process take at most 2 GB more in the block if it is a worker on Linux, and its networks are on a CPU.
+    """Inside the block, limit a Linux worker with networks on a CPU to 2 GB more memory. Memory already in use does
 
-    What it already holds does not count, since networks take between some MB and many GB. CUDA reserves memory when it
-    likes, and is not limited.
+    not count, since networks take from a few MB to many GB. CUDA reserves memory at any time, and is not limited.
 
     Args:
         device: of the networks.

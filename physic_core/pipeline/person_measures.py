@@ -1,4 +1,4 @@
-"""Numbers of each person for the self-checks, from the final bodies and their contact."""
+"""Numbers for the self-checks of each person, from the final bodies and their contact."""
 
 from __future__ import annotations
 
@@ -73,12 +73,12 @@ def measure_people(problem: JointProblem, result: JointResult, found: ContactRes
 
 
 def _known(name: str, value: Tensor) -> dict[str, float | None]:
-    """Return a number by its name; nothing if it is NaN."""
+    """Return a number by its name; empty if it is NaN."""
     return {} if bool(torch.isnan(value)) else {name: float(value)}
 
 
 def _depth_order(problem: JointProblem, result: JointResult) -> list[float]:
-    """Return the share of each person's vertices in front of a person who hides them in the photo."""
+    """Return the share of each person's vertices that are in front of a person who occludes them in the photo."""
     finite = torch.isfinite(result.vertices).flatten(1).all(1)
     vertices = result.vertices[finite]
     behind = depth_order_violations(vertices, project(vertices, problem.K), problem.masks[finite])
@@ -87,15 +87,15 @@ def _depth_order(problem: JointProblem, result: JointResult) -> list[float]:
 
 
 def reversed_depths(depths: Sequence[float], ratios: Sequence[float | None]) -> list[float | None]:
-    """Return by how much each person is on the other side of another one by the depth map than by the bodies.
+    """Return by how much depth map and bodies disagree on which person of a pair is in front.
 
     Args:
         depths: of the pelvises, metres.
         ratios: depth of the photo over that of each body, None where it cannot be measured.
 
     Returns:
-        Per person the smaller one of both differences of log depth, largest over the other people; None if
-        no other depth is known, and 0 for a person alone.
+        Per person, the smaller of the two differences of log depth, maximised over the other people; None
+        if no other depth is known, 0 for a person alone.
     """
     found = []
     known = [(z, z * ratio) if ratio and z > 0 else None for z, ratio in zip(depths, ratios, strict=True)]

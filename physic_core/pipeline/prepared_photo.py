@@ -1,4 +1,4 @@
-"""Prepare a photo for the backends: its camera, size, undistorted picture, and what the user knows, in px of it."""
+"""Prepare a photo for the backends: camera, size, undistortion, and the user's data in px of the result."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PreparedPhoto:
-    """A photo as the backends see it.
+    """A photo as given to the backends.
 
     Attributes:
-        photo: with the camera of the config, no larger than its limit, without distortion.
+        photo: with the camera of the config, no larger than its limit, undistorted.
         people: the people to reconstruct, px of the picture; None for all people.
         known: sizes that the user knows, px of the picture.
         lens: of the file; None without distortion.

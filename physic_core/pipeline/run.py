@@ -131,8 +131,8 @@ class Pipeline:
                 choice means all people.
             known: sizes that are known, in px of the upright photo; ``[photo]`` of the config replaces each of them.
             views: what other cameras show of the same people, in their order, at the same moment.
-            complete: adds what other photos of the moment show to the estimates of the backends.
-            settings: of the table ``[photo]``, for this photo alone, such as ``{"focal_px": 900.0}``.
+            complete: adds data from other photos of the moment to the estimates of the backends.
+            settings: of the table ``[photo]``, for this photo only, such as ``{"focal_px": 900.0}``.
             progress: called when each stage begins.
 
         Returns:
@@ -163,7 +163,7 @@ class Pipeline:
                     self._loaded.close(resolved)
 
     def close(self) -> None:
-        """Close all loaded backends; the pipeline cannot be used any more. A second call does nothing.
+        """Close all loaded backends; the pipeline cannot be used afterwards. A second call does nothing.
 
         Raises:
             BackendError: a backend cannot be closed; all others are closed.
@@ -286,7 +286,7 @@ def _naming(photo: str) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class _Given:
-    """What the user knows of one photo, px of the upright file, and what other cameras show."""
+    """The user's data for one photo, px of the upright file, and the views of other cameras."""
 
     intrinsics: Intrinsics | None = None
     people: PeoplePrompt | None = None
@@ -295,7 +295,7 @@ class _Given:
     complete: Callable[[Estimates], Estimates] | None = None
 
     def camera(self) -> Intrinsics | None:
-        """Return the given camera, which counts as known unless it is a guess."""
+        """Return the given camera; it counts as known unless it is a guess."""
         if self.intrinsics is not None and not isinstance(self.intrinsics, Intrinsics):
             raise InputError(
                 f"intrinsics must be physic_core.types.Intrinsics, got {type(self.intrinsics).__name__}: "

@@ -29,7 +29,7 @@ _MIN_PIXELS = 10  # pixels with a depth, for a median
 
 @dataclass(frozen=True)
 class PhotoEvidence:
-    """What the final bodies are compared with.
+    """References for the comparison of the final bodies.
 
     Attributes:
         masks: (N, H, W) bool, visible pixels of N people.
@@ -53,9 +53,9 @@ def compare_silhouettes(vertices: Tensor, faces: Tensor, photo: PhotoEvidence) -
         photo: of the same N people.
 
     Returns:
-        Per person "mask_covered_share": share of the mask within the body's silhouette, grown by a margin for clothes;
-        "body_in_mask_share": share of the silhouette within the mask, without pixels that other people or nearer
-        objects hide, or that lie outside the photo; "low_depth_ratio": median ratio of the photo's depth to the
+        Per person "mask_covered_share": share of the mask within the body's silhouette, dilated for clothes;
+        "body_in_mask_share": share of the silhouette within the mask, without pixels occluded by other people or
+        nearer objects, or outside the photo; "low_depth_ratio": median ratio of the photo's depth to the
         body's over the lowest visible part of the silhouette. None where nothing can be measured.
     """
     small = _reduced(photo)

@@ -47,12 +47,12 @@ class Solution(ShortRepr):
         contact_partner: (N, V) int16, index into ``partners``, ``NO_PARTNER`` for vertices not in contact.
         partners: everything that people touch.
         contacts: per person, contacts by body part.
-        supports: per person, what carries them; None without a finite body.
+        supports: per person, their support; None without a finite body.
         world_contact: per person, body part -> probability that it touches floor, scene or a hidden support; None
             without a finite body, and if the preset estimates none.
         people: per person, measured numbers by name.
         failures: per person, reason why stage 3 left pose and position unchanged, or "".
-        diagnostics: numbers by stage; without people of the scene alone.
+        diagnostics: numbers by stage; without people, only those of the scene.
     """
 
     intrinsics: Intrinsics
@@ -181,7 +181,7 @@ def _scene(scene: SceneState, scale: float, estimates: Estimates) -> Scene:
 
 
 def _moved_scene(masks: Tensor, scene: SceneState, scale: float) -> list[float | None]:
-    """Return how far inpainted points were moved behind each person of masks (B, H, W), metres."""
+    """Return how far inpainted points were moved back behind each person of masks (B, H, W), metres."""
     if scene.uncarved is None:
         return [None] * len(masks)
     points, before = scene.points * scale, scene.uncarved[0] * scale

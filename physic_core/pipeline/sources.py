@@ -1,4 +1,4 @@
-"""The weight files and repositories that a run used, and warnings about those that are not the pinned ones."""
+"""The weight files and repositories of a run, and warnings about those that differ from the pinned ones."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 def describe_sources(plan: ResolvedPipeline, files: Mapping[str, FileUse]) -> tuple[dict[str, Any], tuple[str, ...]]:
     """Return the entries "weights" and "repositories" of the diagnostics, and warnings.
 
-    A repository's state is "tested" or "locked" if it is at the commit that the backend was tested with or that the
-    lock file has, "differs" if it is at another one, and "unpinned" if there is no such commit.
+    A repository's state is "tested" or "locked" if it is at the commit with which the backend was tested, or that of
+    the lock file, "differs" if it is at another one, and "unpinned" if there is no such commit.
 
     Args:
         plan: the backends of the run.

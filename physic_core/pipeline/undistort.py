@@ -1,4 +1,4 @@
-"""Undistort a photo once, after reading, and move the user's pixels of the file into the undistorted picture."""
+"""Undistort a photo once, after reading, and map the user's pixels of the file to the undistorted image."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def undistort(
         distortion: k1, k2, p1, p2, k3.
 
     Raises:
-        InputError: the distortion folds the picture.
+        InputError: the distortion folds the image.
     """
     camera = photo.intrinsics
     assert camera is not None
@@ -71,7 +71,7 @@ def _box(box: tuple[float, float, float, float], move: Move) -> tuple[float, flo
 
 
 def _mask(mask: BoolArray, lens: Lens) -> BoolArray:
-    """Sample a mask (H, W) at the nearest pixel of the distorted picture."""
+    """Sample a mask (H, W) at the nearest pixel of the distorted image."""
     height, width = mask.shape
     y, x = np.mgrid[:height, :width]
     at = np.rint(lens.file_pixels(np.stack([x, y], -1), lens.intrinsics)).astype(int)

@@ -1,4 +1,4 @@
-"""Metric depth of a scene whose scale nothing in the photo gives: a guess, marked as one."""
+"""Metric depth of a scene whose scale the photo does not determine: a guess, marked as one."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 
 def guess_metric_depth(scene: Pointmap, floor: Plane | None, camera: Intrinsics) -> tuple[DepthMap, str]:
-    """Scale the relative depth of a scene to a usual size, and return it with a warning that names the assumption.
+    """Scale the relative depth of a scene to a typical size, and return it with a warning that names the assumption.
 
     Args:
         scene: relative point map of the photo without people.
         floor: in the units of ``scene``, or None.
-        camera: of the point map, if it has none of its own.
+        camera: of the point map, if it does not have its own.
 
     Returns:
         Depth (H, W) metres with ``scale_sigma`` None, and the warning.

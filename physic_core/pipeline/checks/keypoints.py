@@ -32,7 +32,8 @@ def limb_keypoint_error(
     skeleton: Skeleton | str,
     camera: Intrinsics,
 ) -> float | None:
-    """Return the 0.9 quantile of the limb joints' distances from their confident keypoints, of the box's diagonal.
+    """Return the 0.9 quantile of the limb joints' distances from their confident keypoints, as a share of the box's
+    diagonal.
 
     Args:
         joints: (55, 3) of the body, in the frame of the camera, metres.
@@ -65,7 +66,7 @@ def worst_limb_joint(
     The other arguments are those of :func:`limb_keypoint_error`.
 
     Returns:
-        distance: of the box's diagonal; NaN without such a keypoint or without a body.
+        distance: as a share of the box's diagonal; NaN without such a keypoint or without a body.
         name: of the joint.
     """
     errors = _errors(joints, points, confidence >= _SHOWN, box, skeleton, camera)
@@ -88,7 +89,8 @@ def _errors(
     skeleton: Skeleton | str,
     camera: Intrinsics,
 ) -> dict[str, float]:
-    """Return the distances of the limb joints from the chosen keypoints (J,) bool, of the box's diagonal."""
+    """Return the distances of the limb joints from the selected keypoints (J,) bool, as a share of the box's
+    diagonal."""
     names = skeleton_named(skeleton).names
     rows = {name: names.index(name) for name in _LIMB_JOINTS if name in names}
     pixels = np.asarray(joints, np.float64) @ camera.matrix.T

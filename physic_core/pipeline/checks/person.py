@@ -1,4 +1,4 @@
-"""Self-checks of one person: outputs, placement, picture, support and depth."""
+"""Self-checks of one person: outputs, placement, photo, support and depth."""
 
 from __future__ import annotations
 
@@ -194,7 +194,7 @@ def _check_depth(solution: Solution, person: int) -> Iterator[Measurement]:
 
 
 def _check_size(estimates: Estimates, solution: Solution, person: int) -> Iterator[Measurement]:
-    """Compare a given age or stature with the size that the photo shows; nothing if none is given."""
+    """Compare a given age or stature with the size shown by the photo; nothing if none is given."""
     report = solution.people[person]
     given, shown = (report.get(f"{name}_stature_m") for name in ("given", "shown"))
     if given is None or shown is None:

@@ -98,7 +98,7 @@ def _check_floor(report: Mapping[str, Any], settings: EngineSettings) -> Iterato
 
 
 def _check_tilt(solution: Solution) -> Measurement:
-    """Compare the floor with the trunks of several people: they do not all lean."""
+    """Compare the floor with the trunks of several people, who do not all lean."""
     floor, joints = solution.scene.floor, [j for j in solution.joints if np.isfinite(j).all()]
     tilts = [] if floor is None else [float(trunk_tilt_deg(j, floor.normal)) for j in joints]
     tilt = median(tilts) if len(tilts) >= _FEWEST_TRUNKS else None

@@ -14,14 +14,14 @@ _WORST_FIRST = (Grade.BAD, Grade.DOUBTFUL, Grade.GOOD)
 
 @dataclass(frozen=True)
 class Measurement:
-    """What a check measured, before it is compared with a threshold.
+    """Measurement of a check, before comparison with a threshold.
 
     Attributes:
         name: of the check.
         value: None or NaN if nothing was measured.
         advice: the message if the check fails.
         unmeasured: the reason if there is no value.
-        failed: decides instead of the comparison.
+        failed: overrides the comparison.
         threshold: replaces that of the check.
     """
 
@@ -80,8 +80,8 @@ def warning_messages(checks: Sequence[CheckResult]) -> tuple[str, ...]:
 def grade_person(checks: Sequence[CheckResult], person: int) -> Grade:
     """Grade one person by the checks of this person.
 
-    Bad if a backend gave no valid values or two checks contradict the body; doubtful if one does, if the evidence is
-    weak, or if a check that the grade needs was not measured; good otherwise.
+    Bad if a backend returned no valid values or two checks contradict the body; doubtful if one does, if the evidence
+    is weak, or if a check that the grade needs was not measured; good otherwise.
     """
     return _grade([check for check in checks if check.person == person])
 

@@ -20,9 +20,9 @@ class CheckSpec:
 
     Attributes:
         name: as in :class:`physic_core.types.CheckResult`.
-        label: the name that readers see.
+        label: the displayed name.
         direction: whether the value must be "at most" or "at least" the threshold.
-        threshold: the bound; a setting of the engine may replace it.
+        threshold: the bound; an engine setting may replace it.
         unit: of threshold and value.
         share_of: what a value of unit "share" is a share of; "" if the label says it.
         of: "photo" or "person"; "view" for each photo of a result that has several.

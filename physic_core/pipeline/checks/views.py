@@ -22,7 +22,7 @@ def with_cameras(
     cameras: Sequence[CameraView],
     measured: Iterable[tuple[str, str, float | None, str]] = (),
 ) -> Reconstruction:
-    """Return a result with the cameras of several photos, a check of each photo, and the grade and warnings of all.
+    """Return a result with the cameras of several photos, a check for each photo, and the overall grade and warnings.
 
     Args:
         result: in the frame of the reference camera.
