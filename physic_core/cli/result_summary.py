@@ -142,9 +142,9 @@ def _row(person: Mapping[str, Any], checks: Sequence[CheckResult], document: Map
 
 
 def _contact(person: Mapping[str, Any]) -> str:
-    """Return the shares of the body that probably touch each thing: "12 % floor, 3 % person 1". For a result
+    """Return the shares of the body that probably touch each thing: "12 % floor, 3 % person 1".
 
-    that does not state what is touched: "12 % of the body".
+    For a result that does not state what is touched: "12 % of the body".
     """
     if _distance(person) is None:
         return "-"

@@ -38,10 +38,10 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def check_values(table: Mapping[Any, Any]) -> list[Problem]:
-    """Return the problems of a layer that would make a later check fail or never end. These are keys that are not
+    """Return the problems of a layer that would make a later check fail or never end.
 
-    strings, integers of more than 64 bits (which TOML does not have), strings that no path or terminal can hold, and
-    layers that are too deep or too large.
+    These are keys that are not strings, integers of more than 64 bits (which TOML does not have), strings that no path
+    or terminal can hold, and layers that are too deep or too large.
     """
     problems: list[Problem] = []
     rest: list[tuple[str, Any, int]] = [("", table, 0)]

@@ -81,7 +81,7 @@ def observed_parts(part_names: Sequence[str], observed: Tensor) -> Tensor:
 def keypoints_of_observed_limbs(skeleton: Skeleton, observed: Tensor) -> Tensor:
     """Return the keypoints (B, J) bool on visible limbs, given the visible joints (B, 55) bool.
 
-    Keypoints of the face, and keypoints with a name of the skeleton's own, always count as visible.
+    Keypoints of the face, and keypoints with names specific to the skeleton, always count as visible.
     """
     seen = torch.ones(len(observed), len(skeleton), dtype=torch.bool, device=observed.device)
     for j, name in enumerate(skeleton.names):
@@ -95,7 +95,7 @@ def placement_keypoints(skeleton: Skeleton) -> list[int]:
     """Return the indices of the keypoints that determine the position of a body.
 
     If a joint set has keypoints of all finger joints, fingers are skipped: forty keypoints, for which the hand pose is
-    not known yet, would outvote the body.
+    not known yet, would outweigh the body.
     """
     fingers = {j for j, name in enumerate(skeleton.names) if is_finger(name)}
     return [j for j in range(len(skeleton)) if len(fingers) <= _MAX_FINGER_KEYPOINTS or j not in fingers]
@@ -112,7 +112,7 @@ def _joint_of(landmark: str) -> str | None:
 
 
 def straight_hips(joints: Tensor) -> Tensor:
-    """Return which hips (B, 2) bool, left and right, are nearly straight: the thigh goes on along the trunk.
+    """Return which hips (B, 2) bool, left and right, are nearly straight: the thigh continues the line of the trunk.
 
     Args:
         joints: (B, 55, 3) metres.

@@ -1,7 +1,7 @@
 """Settings of the engine: frozen dataclasses, one per stage.
 
-The documentation of a field gives its meaning, its useful values, and the value that switches it off. The type of a
-stage's settings selects what the stage does; the energy of a plugin has subclasses of its own.
+The documentation of a field gives its meaning, its useful values, and the value that disables it. The type of a
+stage's settings selects what the stage does; a plugin's energy has its own subclasses.
 """
 
 from __future__ import annotations

@@ -98,10 +98,10 @@ def bodies_of_stature(bodies: Bodies, model: BodyModel, statures: FloatArray, ne
 
 
 def resize_children(bodies: Bodies, model: BodyModel, known: KnownPeople) -> tuple[Bodies, list[str]]:
-    """Give people of known age under 16 a child's stature and shape; others are unchanged. Body estimators
+    """Give people of known age under 16 a child's stature and shape; others are unchanged.
 
-    treat all people as adults, so children come out as adults farther away. The size of a child in the photo is
-    preserved. A known stature overrides an age.
+    Body estimators treat all people as adults, so children come out as adults farther away. The size of a child in the
+    photo is preserved. A known stature overrides an age.
 
     Args:
         bodies: of N people, of the configured body model; people of known stature have it.

@@ -32,9 +32,9 @@ class LoadedBackends:
         self._uses: dict[int, dict[str, FileUse]] = {}
 
     def load(self, resolved: ResolvedBackend) -> float:
-        """Load a backend unless it is loaded, and return the seconds taken. A backend
+        """Load a backend unless it is loaded, and return the seconds taken.
 
-        whose ``load`` failed earlier is closed and reloaded.
+        A backend whose ``load`` failed earlier is closed and reloaded.
         """
         start, key = time.perf_counter(), id(resolved.backend)
         if key not in self._ready:

@@ -14,9 +14,10 @@ _MAX_READING_BYTES = 2_000_000_000
 
 @contextmanager
 def limited_memory(device: str) -> Iterator[None]:
-    """Inside the block, limit a Linux worker with networks on a CPU to 2 GB more memory. Memory already in use does
+    """Inside the block, limit a Linux worker with networks on a CPU to 2 GB more memory.
 
-    not count, since networks take from a few MB to many GB. CUDA reserves memory at any time, and is not limited.
+    Memory already in use does not count, since networks take from a few MB to many GB. CUDA reserves memory at any
+    time, and is not limited.
 
     Args:
         device: of the networks.

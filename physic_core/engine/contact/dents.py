@@ -1,7 +1,7 @@
-"""Dents of surfaces that give way under people, by the class of the surface. Camera frame, metres.
+"""Dents of surfaces that yield under people, by surface class. Camera frame, metres.
 
-The scene is reconstructed as it is without people. A body that lies below the surface of a bed has pressed it down, as
-far as beds allow; only what is deeper is an error. The depths of :data:`GIVE_M` are set by hand.
+The scene is reconstructed without people. A body below the surface of a bed has pressed it down, as far as beds yield;
+only what is deeper is an error. The depths of :data:`GIVE_M` are set by hand.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from physic_core.engine.contact.scene_parts import SceneParts
 
 GIVE_M: Mapping[str, float] = {"bed": 0.10, "seat": 0.08, "vegetation": 0.05, "ground": 0.03, "rug": 0.02}
 """Class of :data:`physic_core.types.SURFACE_NAMES` -> largest depth of a dent, metres. "ground" may be sand or grass.
-Surfaces of all other classes, and those of unknown class, do not give way."""
+Surfaces of all other classes, and those of unknown class, do not yield."""
 
 
 def largest_dents(near: SurfaceDistances, parts: SceneParts) -> Tensor:
@@ -33,7 +33,7 @@ def largest_dents(near: SurfaceDistances, parts: SceneParts) -> Tensor:
 
 
 def dent_depths(vertices: Tensor, scene: ContactSurfaces, give: Tensor, measure: DistanceMeasure) -> Tensor:
-    """Return how deep vertices (N, V, 3) press into what gives way, metres: (N, V), NaN where nothing does.
+    """Return how deep vertices (N, V, 3) press into yielding surfaces, metres: (N, V), NaN elsewhere.
 
     Args:
         vertices: metres.

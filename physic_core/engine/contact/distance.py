@@ -59,7 +59,7 @@ class SurfaceDistances:
 
     @property
     def on_floor(self) -> Tensor:
-        """Vertices (..., V) bool to which the floor's plane is nearer than the scene."""
+        """Vertices (..., V) bool that are nearer to the floor's plane than to the scene."""
         return self.floor.abs() < self.scene.abs()
 
 

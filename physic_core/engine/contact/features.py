@@ -1,10 +1,10 @@
 """Features of the probability of contact: one column per reason for or against it.
 
-A new reason for contact is a new column here, and a coefficient in ``coefficients.json`` beside it. Distances enter as
+A new feature is a new column here, and a coefficient in ``coefficients.json`` beside it. Distances enter as
 logarithms, ``log(1 + d / 1 cm)``, for the outside and the inside of a surface.
 
-All vertices of a body part share the errors of the part's place. Therefore the *gap* of a part to a surface is one
-feature, and the *rise* of a vertex, its distance less the gap, is another, which is known far better. The gap is the
+All vertices of a body part share the errors of the part's position. Therefore the *gap* of a part to a surface is one
+feature, and the *rise* of a vertex, its distance minus the gap, is another, which is far more accurate. The gap is the
 fifth smallest distance of its vertices, which is robust to outliers.
 """
 
@@ -56,7 +56,7 @@ class Distances:
         surface: to scene and floor.
         parts: of the scene's points, which ``surface.point`` indexes.
         people: to the skin of other people.
-        own: to the skin of other parts of the own body.
+        own: to the skin of other parts of the same body.
         objects: to small objects; None without them.
     """
 
@@ -76,7 +76,7 @@ class Distances:
 
 
 def measure_distances(given: ContactInput, measure: DistanceMeasure, *, skin: bool = True) -> Distances:
-    """Measure the distances to scene, floor and small objects, and to ``skin`` of other people and the own body."""
+    """Measure the distances to scene, floor and small objects, and to ``skin`` of other people and the same body."""
     model, vertices, around = given.model, given.vertices, given.surfaces
     normals = vertex_normals(vertices, model.faces)
     surface = surface_distances(vertices, around, measure, given.free)
@@ -131,7 +131,7 @@ def part_gaps(distance: Tensor, group: Tensor) -> Tensor:
 
 
 def _shared_columns(distance: Tensor, group: Tensor, seen: Tensor) -> dict[str, Tensor]:
-    """Return the columns that all kinds have, of distances (N, V) with groups (N, V) that share their errors."""
+    """Return the columns shared by all kinds, from distances (N, V) with groups (N, V) that share their errors."""
     near = torch.isfinite(distance)
     gap = part_gaps(distance, group)
     d, gap = (torch.where(torch.isfinite(x), x, SEARCH_RADIUS_M) for x in (distance, gap))
@@ -149,7 +149,7 @@ def _shared_columns(distance: Tensor, group: Tensor, seen: Tensor) -> dict[str, 
 def _scene_columns(given: ContactInput, near: Distances) -> dict[str, Tensor]:
     """Return the columns (N, V) of contact with scene and floor.
 
-    The floor's plane goes through many points, so that it measures the distance to the floor where it is in reach.
+    The floor's plane is fitted to many points, so it gives the distance to the floor within reach.
     """
     surface, parts, point = near.surface, near.parts, near.surface.point
     none = torch.zeros_like(surface.on_floor)
@@ -182,7 +182,8 @@ def _scene_columns(given: ContactInput, near: Distances) -> dict[str, Tensor]:
 
 
 def _depth_behind_feet(given: ContactInput, like: Tensor) -> Tensor:
-    """Return the gap (N, V) of depth behind the foot of each vertex, over that of a lifted foot; 0 where unknown."""
+    """Return the depth gap (N, V) behind the foot of each vertex, relative to that of a lifted foot; 0 where
+    unknown."""
     if given.foot_gap is None:
         return torch.zeros_like(like)
     gap = torch.nan_to_num(given.foot_gap.to(like)).clamp(0.0, _LARGEST_FOOT_GAP) / MIN_FOOT_GAP
@@ -199,7 +200,7 @@ def _skin_columns(given: ContactInput, skin: SkinDistances, group: Tensor) -> di
 
 
 def _own_columns(given: ContactInput, skin: SkinDistances) -> dict[str, Tensor]:
-    """Return the columns (N, V) of contact with the own body."""
+    """Return the columns (N, V) of contact with the same body."""
     part, hands, thighs = given.model.part_of_vertex, given.part("hand"), given.part("upper_leg")
     arms = given.part("hand", "lower_arm")
     near = torch.isfinite(skin.distance)

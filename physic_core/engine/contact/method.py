@@ -1,4 +1,4 @@
-"""Settings of stage 4, and what it does in each of its steps. An energy may replace some of them by a subclass."""
+"""Settings and steps of stage 4. An energy may override some of them in a subclass."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ContactSettings:
-    """Settings of stage 4: what each vertex touches, and what carries each person."""
+    """Settings of stage 4: what each vertex touches, and what supports each person."""
 
     threshold: Share = 0.35
-    """Least probability of a vertex in contact. 0.35 has the best F1 on worlds that took no part in the fit, of limbs
-    that the photo shows, and of those that it does not show."""
+    """Minimum probability of a vertex in contact. 0.35 has the best F1 on held-out worlds, both for visible and for
+    invisible limbs."""
     skin_threshold: Share = 0.16
-    """The same for contact with other people and with the own body, which is less certain. 0.16 has an F1 of .21 there,
-    and 0.12 one of .22, with half more vertices on body parts that touch no skin."""
+    """The same for contact with other people and with the person's own body, which is less certain. 0.16 has an F1 of
+    .21 there, and 0.12 one of .22, with half more vertices on body parts that touch no skin."""
     people: bool = True
-    """Contact with other people and with the own body too."""
+    """Also contact with other people and with the person's own body."""
     objects: bool = True
     """Small objects in hands and on laps are not part of the scene, and people touch them
     (:mod:`physic_core.engine.contact.objects`)."""
     assume_supports: bool = True
-    """People whom nothing in the scene carries touch a hidden support, such as a seat or what their hands hold
+    """People without support in the scene touch a hidden support, such as a seat or what their hands hold
     (:mod:`physic_core.engine.contact.support`)."""
 
 
@@ -63,7 +63,7 @@ class Touch:
 
 
 class ContactMethod(ContactSettings):
-    """Stage 4 of preset "default": what each vertex touches, and what carries each person."""
+    """Stage 4 of preset "default": what each vertex touches, and what supports each person."""
 
     def surfaces(self, problem: JointProblem, vertices: Tensor, scale: float) -> ContactSurfaces:
         """Return what bodies (B, V, 3), metres, may touch: the scaled scene near them, and the plane of the floor."""
@@ -81,7 +81,7 @@ class ContactMethod(ContactSettings):
         return distance_along_normal(offsets, normals, distance)
 
     def touch(self, given: ContactInput, near: Distances) -> Touch:
-        """Return the contacts by the fitted probability."""
+        """Return the contacts from the fitted probability."""
         return touch_by_probability(given, near, contact_model(), self)
 
 

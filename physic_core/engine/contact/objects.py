@@ -1,7 +1,7 @@
 """Small objects that people hold or have on their laps, and the distances of body vertices to them.
 
-A photo shows the front of an object only. Its back is assumed to be as the front is wide: at a pixel ``r`` metres from
-the silhouette, of an object of half width ``R``, the object is ``2 sqrt(r (2 R - r))`` thick, as a ball is. Camera
+A photo shows only the front of an object. Its depth is inferred from the width of its front: at a pixel ``r`` metres
+from the silhouette, of an object of half width ``R``, the object is ``2 sqrt(r (2 R - r))`` thick, like a ball. Camera
 frame, metres.
 """
 
@@ -27,8 +27,8 @@ class HeldObjects:
     Attributes:
         masks: (K, H, W) bool, visible pixels of each object.
         depth: (H, W) metres along z of the photo, NaN where unknown.
-        ratio: (N,) depth of each body over the depth of its pixels in the photo: an object is as far from the person
-            who holds it as in the photo. A person with NaN touches no object.
+        ratio: (N,) depth of each body over the depth of its pixels in the photo: an object has the same distance from
+            its holder as in the photo. A person with NaN touches no object.
         K: (3, 3) px.
     """
 

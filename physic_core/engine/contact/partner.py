@@ -1,4 +1,4 @@
-"""With what each contact vertex is in contact: floor, part of the scene, skin, held object, or a hidden support."""
+"""Partner of each contact vertex: floor, part of the scene, skin, held object, or a hidden support."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from physic_core.engine.contact.regions import ContactRegions, are_adjacent, is_
 from physic_core.types.contacts import NO_PARTNER, BodyContact, ContactPartner
 
 HIDDEN, HIDDEN_SEAT = len(KINDS), len(KINDS) + 1
-"""What a vertex touches, beside the index into ``KINDS``: a hidden support, or a hidden seat."""
+"""Further partners of a vertex, beside those of ``KINDS``: a hidden support, or a hidden seat."""
 
 DECIMALS = 4
 """Of probabilities and lengths of listed contacts and supports."""
@@ -30,7 +30,7 @@ class VertexContacts:
     Attributes:
         index: (V,) index into the partners; :data:`NO_PARTNER` without contact.
         probability: (V,) of contact, or None.
-        dent: (V,) depth of the dent at each vertex, metres; NaN where nothing gives way.
+        dent: (V,) depth of the dent at each vertex, metres; NaN where nothing yields.
     """
 
     index: Tensor
@@ -99,16 +99,16 @@ def body_contacts(
 ) -> tuple[BodyContact, ...]:
     """List the contacts of one person by body part, most probable first.
 
-    Contacts of fewer than three vertices are not listed, nor those of adjacent parts of the own body, such as an arm
-    and the torso. Two parts of the own body that touch each other are listed once, from the part that is farther out.
+    Contacts of fewer than three vertices are not listed, nor those of adjacent parts of one body, such as an arm and
+    the torso. Two parts of one body that touch each other are listed once, for the more distal part.
 
     Args:
         person: contacts of the vertices.
         table: partners.
         regions: body parts.
-        model: gives the probability that a part touches skin or an object; None leaves all probabilities open. That of
-            contact with scene and floor is the mean of the ten surest vertices.
-        least: smallest probability of a part that is listed.
+        model: gives the probability that a part touches skin or an object; None leaves all probabilities undefined.
+            That of contact with scene and floor is the mean of the ten most probable vertices.
+        least: minimum probability of a listed part.
     """
     touching = person.index >= 0
     code = person.index.long() * len(regions.names) + regions.region
@@ -130,13 +130,13 @@ def body_contacts(
 
 
 def _is_listed(part: str, other: str, pairs: Collection[tuple[str, str]]) -> bool:
-    """Return whether the contact of a part with another of the own body is listed, among all such pairs."""
+    """Return whether the contact of a part with another of the same body is listed, among all such pairs."""
     if are_adjacent(part, other):
         return False
     return (other, part) not in pairs or is_farther_out(part, other)
 
 
 def _dent_of(depths: Tensor) -> float | None:
-    """Return the depth of a dent with depths (n,) of its vertices; None if too few of them give way."""
+    """Return the depth of a dent with depths (n,) of its vertices; None if too few of them yield."""
     known = depths[torch.isfinite(depths)]
     return round(float(known.quantile(_DENT_QUANTILE)), DECIMALS) if len(known) >= _MIN_VERTICES else None

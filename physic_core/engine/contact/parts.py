@@ -1,10 +1,10 @@
-"""What the photo and the posture say of the contact of body parts with the scene, beside the distances.
+"""Evidence of photo and posture for contact of body parts with the scene, in addition to distances.
 
-Distances do not tell whether the foot of a runner or the seat of a person on a bench touches: the body is off by
-centimetres, and depth networks lose benches. Each part therefore has its own log odds: those of its ten surest
-vertices, and what the picture and the posture say. The vertices of the part are moved by the difference, so that part
+Distances do not show whether the foot of a runner or the seat of a person on a bench touches: the body is off by
+centimetres, and depth networks miss benches. Each part therefore has its own log odds: those of its ten most probable
+vertices, and the evidence of image and posture. The vertices of the part are shifted by the difference, so that part
 and vertices agree. Offsets and slopes are in ``parts.json``, with the labelled photos that they were fitted on and
-their error on photos that took no part. They are written by ``benchmarks/contact_on_photos.py``.
+their error on held-out photos. They are written by ``benchmarks/contact_on_photos.py``.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SEAT = "seat"
 """Part of buttocks and thighs: what people sit on."""
 
 LEAST_PROBABILITY = 0.5
-"""A part with less does not touch: it is not listed and does not carry."""
+"""Minimum probability of a part in contact: others are not listed and do not support the person."""
 
 LOG_ODDS, LOG_ODDS_ABOVE_EVEN = "log odds", "log odds above even"
 
@@ -51,10 +51,10 @@ def scene_parts_of_body(model: BodyModel) -> dict[str, Tensor]:
 
 
 def weigh_parts(given: ContactInput, probability: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
-    """Return the probabilities (N, V) of contact with the scene by the evidence of each part, and those of the parts.
+    """Return the probabilities (N, V) of contact with the scene from the evidence of each part, and those of the parts.
 
     Args:
-        given: bodies, and what the photo shows of them.
+        given: bodies, and their evidence in the photo.
         probability: (N, V) by the distances.
 
     Returns:
@@ -75,11 +75,11 @@ def weigh_parts(given: ContactInput, probability: Tensor) -> tuple[Tensor, dict[
 def part_features(given: ContactInput, probability: Tensor) -> dict[str, dict[str, Tensor]]:
     """Return part -> name of a feature -> values (N,): one reason for or against contact of the part with the scene.
 
-    "log odds" are those of the mean probability of the ten surest vertices by the distances; the same "above even" is 0
-    where distances speak against contact: a seat that the depth has lost is far away. "picture": log odds that the foot
+    "log odds" are those of the mean probability of the ten most probable vertices by distance; the same "above even" is
+    0 where distances contradict contact: a seat missing from the depth is far away. "picture": log odds that the foot
     touches something by its keypoints. "lifted": standard deviations that the feet are from standing on the floor.
-    "lifted, hand up": the same times the height of the hand over the shoulder, in lengths of the leg; "hands" is the
-    mean of both. "thighs": their mean elevation, radians; 0 is level.
+    "lifted, hand up": the same times the height of the hand above the shoulder, in leg lengths; "hands" is the
+    mean of both. "thighs": their mean elevation, radians; 0 is horizontal.
 
     Args:
         given: bodies, and what the photo shows of them.

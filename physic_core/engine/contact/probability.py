@@ -1,6 +1,6 @@
 """Probability of contact: a fitted logistic model over named features for each kind of contact, and for body parts.
 
-The coefficients, what they were fitted on, and their error on data that took no part, are in ``coefficients.json``. It
+The coefficients, their training data, and their error on held-out data are in ``coefficients.json``. It
 is written by ``benchmarks/contact_probability.py``.
 """
 
@@ -18,7 +18,7 @@ from torch import Tensor
 from physic_core.engine.contact.features import KINDS, Columns
 
 SUREST_VERTICES = 10
-"""Vertices whose mean probability says whether their body part touches."""
+"""Number of vertices whose mean probability decides whether their body part touches."""
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,8 @@ class ContactModel:
 
     Attributes:
         vertex: kind of contact -> name of a feature -> coefficient; see :mod:`physic_core.engine.contact.features`.
-        part: "constant" and "log odds" of the mean probability of the ten surest vertices -> coefficient of the log
-            odds that a body part touches its partner.
+        part: "constant" and "log odds" of the mean probability of the ten most probable vertices -> coefficient of the
+            log odds that a body part touches its partner.
     """
 
     vertex: Mapping[str, Mapping[str, float]]
@@ -59,7 +59,7 @@ class ContactModel:
 
 
 def mean_of_surest(vertices: Tensor) -> float:
-    """Return the mean of the ten largest of the probabilities (n,) of vertices, or of all if they are fewer."""
+    """Return the mean of the ten largest of the probabilities (n,) of vertices, or of all if there are fewer."""
     return float(vertices.double().topk(min(SUREST_VERTICES, len(vertices))).values.mean())
 
 

@@ -41,7 +41,7 @@ class ContactInput:
         objects: small objects in hands and on laps; None if people touch none.
         foot_gap: (N, 2) log ratio of the depth behind the left and right foot to the foot's depth, NaN where unknown;
             None if no depth is known. See :mod:`physic_core.engine.placement.lifted_feet`.
-        foot_touch: (N, 2) probability by the picture that the left and the right foot touch something; None if unknown.
+        foot_touch: (N, 2) probability from the image that the left and the right foot touch something; None if unknown.
         standing: (N,) standard deviations from standing on the floor, NaN where unknown; None if not measured.
     """
 
@@ -79,7 +79,7 @@ class ContactInput:
         return (torch.stack(feet) & self.lifted_feet[..., None]).any(1)
 
     def part(self, *endings: str) -> Tensor:
-        """Return the vertices (V,) bool of body parts whose names end so."""
+        """Return the vertices (V,) bool of body parts whose names have this suffix."""
         chosen = torch.tensor([name.endswith(endings) for name in self.model.part_names])
         return chosen.to(self.vertices.device)[self.model.part_of_vertex]
 
@@ -97,11 +97,11 @@ class ContactResult:
         contact: (N, V) bool.
         probability: (N, V) of contact with anything; None if the method estimates none.
         distance: (N, V) signed distance to scene and floor, metres; inf beyond the search radius.
-        give: (N, V) largest depth of a dent of the nearest surface, metres; 0 where it does not give way.
+        give: (N, V) largest depth of a dent of the nearest surface, metres; 0 where it does not yield.
         partner: (N, V) int16, index into ``partners``; -1 without contact.
         partners: everything that people touch.
         contacts: per person, contacts by body part, most probable first.
-        supports: per person, what carries them; None for non-finite vertices.
+        supports: per person, their support; None for non-finite vertices.
         parts: body part -> (N,) probability that it touches scene, floor or a hidden support; empty if the method
             estimates none.
     """

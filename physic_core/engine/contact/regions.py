@@ -1,4 +1,4 @@
-"""Body parts of contacts, in the words of a reader: the model's parts, with seat and back as parts of their own."""
+"""Body parts of contacts, with readable names: the model's parts, with seat and back as separate parts."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def are_adjacent(part: str, other: str) -> bool:
 
 
 def is_farther_out(part: str, other: str) -> bool:
-    """Return whether a part is farther out along the limbs than another; of two equal ones, the left one."""
+    """Return whether a part is more distal than another; of two equal ones, the left one is."""
     keys = [(_OUTER_FIRST.index(name), side) for side, name in map(_side_and_name, (part, other))]
     return keys[0] < keys[1]
 

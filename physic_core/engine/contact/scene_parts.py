@@ -28,7 +28,7 @@ class ClassifiedPoints:
     Attributes:
         names: of the classes, as in :class:`physic_core.types.SurfaceLabels`.
         label: (M,) int64, index into ``names``.
-        seen: (M,) bool, points that the photo shows; the others are inpainted, and their label is not read.
+        seen: (M,) bool, points that the photo shows; the others are inpainted, and their label is ignored.
         uncarved: points and normals (M, 3) before inpainted points were moved out of people; None if none were.
     """
 
@@ -60,17 +60,17 @@ def scene_parts(
 ) -> SceneParts:
     """Find class and connected surface of scene points.
 
-    A hidden point has the class of the nearest visible one, within half a metre. A hidden point more than 10 cm over
-    the floor is not floor. Points within 4 cm of its plane are, whatever their class: labels around feet are those of
-    what the feet look like. Points of one class are one surface if they are connected by steps of less than two cells
-    of 4 cm. Without a class, their normals also agree within 37 degrees.
+    A hidden point has the class of the nearest visible one, within half a metre. A hidden point more than 10 cm above
+    the floor is not floor. Points within 4 cm of its plane are, whatever their class: labels around feet follow the
+    appearance of the feet. Points of one class are one surface if they are connected by steps of less than two cells of
+    4 cm. Without a class, their normals also agree within 37 degrees.
 
     Args:
         points: (n, 3) metres.
         normals: (n, 3) unit; zero where unknown.
         row: (n,) int64, row of each point in ``classes``; -1 for samples of the floor.
         classes: of all scene points.
-        height: (n,) of the points over the floor, metres, or None.
+        height: (n,) of the points above the floor, metres, or None.
     """
     names = classes.names
     raised = torch.zeros(len(points), dtype=torch.bool) if height is None else height.cpu() > _RAISED_M

@@ -1,6 +1,7 @@
-"""Signed distances of body vertices to skin: of other people, and of other parts of the own body. Camera frame, metres.
+"""Signed distances of body vertices to skin: of other people, and of other parts of the same body. Camera frame,
+metres.
 
-Skin touches only skin that looks another way: the far side of a hand does not touch what its palm touches.
+Skin touches only skin that faces another way: the back of a hand does not touch what its palm touches.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 OWN_RADIUS_M = 0.08
-"""Search radius on the own body, metres: its parts are off by less than scene and people."""
+"""Search radius on the same body, metres: its parts have smaller errors than scene and people."""
 
 _SPACING_M = 0.012  # half the largest distance of neighbouring vertices
 _CANDIDATES = 6  # nearest vertices among which one of skin that looks another way is searched
@@ -62,9 +63,9 @@ def people_distances(vertices: Tensor, normals: Tensor, outer: Tensor, radius: f
 def own_distances(
     vertices: Tensor, normals: Tensor, outer: Tensor, part: Tensor, rest: Tensor, radius: float
 ) -> SkinDistances:
-    """Find the nearest skin of other parts of the own body.
+    """Find the nearest skin of other parts of the same body.
 
-    Vertices less than 12 cm apart in the rest pose are one piece of skin, and do not touch each other: such as forearm
+    Vertices less than 12 cm apart in the rest pose are one piece of skin, and do not touch each other, such as forearm
     and upper arm in a bent elbow.
 
     Args:
@@ -101,7 +102,7 @@ def _nearest_skin(
         normals: (N, V, 3) unit, out of the bodies.
         searches: person and vertices that search, person and vertices that are searched.
         radius: of the search, metres.
-        rest: (V, 3) vertices in the rest pose, metres, where skin of the own body is searched.
+        rest: (V, 3) vertices in the rest pose, metres, where skin of the same body is searched.
     """
     points, outwards = (t.detach().cpu().double().numpy() for t in (vertices, normals))
     distance = np.full(points.shape[:2], np.inf)

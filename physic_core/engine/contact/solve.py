@@ -1,4 +1,4 @@
-"""Stage 4: which vertices touch, what they touch, and what carries each person (paper sec. 3.3)."""
+"""Stage 4: which vertices touch, what they touch, and what supports each person (paper sec. 3.3)."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def solve_contact(given: ContactInput, method: ContactMethod) -> ContactResult:
 def _find_supports(
     given: ContactInput, near: Distances, touch: Touch, method: ContactMethod
 ) -> tuple[PersonSupport | None, ...]:
-    """Return what carries each person; None for people with non-finite vertices."""
+    """Return the support of each person; None for people with non-finite vertices."""
     outward = (touch.kind >= 0) & (touch.kind != _OWN_BODY) & (touch.kind != _OBJECT)
     seen = given.seen
     found: list[PersonSupport | None] = []

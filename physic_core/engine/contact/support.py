@@ -1,10 +1,10 @@
-"""What carries a person: contacts that can carry, balance of the body over them, and hidden supports.
+"""Support of a person: contacts that can carry weight, balance of the body over them, and hidden supports.
 
-A person is balanced if the centre of mass is over the convex hull of the contacts that carry, or below hands that hold
-something. If it is not, the photo may not show what carries the person. A hidden support is assumed only where the
-photo cannot show one, and if the body is balanced on it: a seat under people who sit, a bed under people who lie,
-something under feet that the photo does not show, and a bar in the hands of people whose feet are in the air. Feet that
-the photo shows stand on what it shows, or on nothing. Camera frame, metres.
+A person is balanced if the centre of mass is over the convex hull of the carrying contacts, or below hands that hold
+something. Otherwise, the photo may not show the support. A hidden support is assumed only where the photo cannot show
+one, and if the body is balanced on it: a seat under sitting people, a bed under lying people, something under feet that
+the photo does not show, and a bar in the hands of people whose feet are in the air. Feet that the photo shows stand on
+what it shows, or on nothing. Camera frame, metres.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class PosedPerson:
 
 @dataclass(frozen=True)
 class ContactEvidence:
-    """What is known of the contact of one person.
+    """Evidence of the contact of one person.
 
     Attributes:
         contact: (V,) bool, with scene, floor and other people.
@@ -61,7 +61,7 @@ class ContactEvidence:
         lifted_feet: (2,) bool, left and right foot in the air.
         seen: (V,) bool, vertices on limbs that the photo shows.
         sits: probability that buttocks or thighs rest on something.
-        holds: (2,) bool, left and right hand that touch the scene more likely than not; None if not known.
+        holds: (2,) bool, left and right hand that probably touch the scene; None if unknown.
     """
 
     contact: Tensor
@@ -96,13 +96,13 @@ class PersonSupport:
 def find_support(
     model: BodyModel, body: PosedPerson, evidence: ContactEvidence, up: Tensor, *, assume: bool
 ) -> PersonSupport:
-    """Find what carries a person.
+    """Find the support of a person.
 
-    Contacts whose skin faces down carry, and hands above the centre of mass. If they do not balance the body, all
+    Contacts whose skin faces down carry, as do hands above the centre of mass. If they do not balance the body, all
     contacts carry, such as a back against a wall: an upright surface alone carries no weight. If they do not balance it
-    either, the hidden support is assumed over which the body is balanced best. Under people who sit by their posture
-    and touch no seat, a seat is assumed before feet alone can carry them. A support that balances the body only with
-    contacts of limbs that the photo does not show is assumed, too.
+    either, the hidden support that balances the body best is assumed. Under people whose posture is sitting but who
+    touch no seat, a seat is assumed before feet alone can carry them. A support that balances the body only with
+    contacts of limbs that the photo does not show also counts as assumed.
 
     Args:
         model: body model.
@@ -142,7 +142,7 @@ def find_support(
 def _carrying(
     model: BodyModel, body: PosedPerson, contact: Tensor, raised: Tensor, up: Tensor
 ) -> Iterator[tuple[SupportState, Tensor]]:
-    """Yield the contacts (V,) bool that may carry the person, those that do so surely first, with the state."""
+    """Yield the contacts (V,) bool that may carry the person, the most certain first, with the state."""
     hands = _members(model, *(f"{side}_hand" for side in SIDES))
     hold = contact & hands & raised
     level = contact & (body.normals @ up < _DOWNWARD) & ~hold

@@ -25,10 +25,10 @@ class Energy(Protocol):
     state: State
 
     def __call__(self) -> Mapping[str, Tensor]:
-        """Return the weighted terms at the present state: (B,) each, "scale" is (1,); differentiable."""
+        """Return the weighted terms at the current state: (B,) each, "scale" is (1,); differentiable."""
 
     def refresh(self) -> None:
-        """Update visibility and nearest points to the present state."""
+        """Update visibility and nearest points to the current state."""
 
 
 def total_energy(energies: Mapping[str, Tensor]) -> Tensor:
@@ -42,7 +42,7 @@ def energy_per_person(energies: Mapping[str, Tensor]) -> Tensor:
 
 
 def finite_energy_per_person(energies: Mapping[str, Tensor], groups: Tensor | None = None) -> Tensor:
-    """Return the energy of each person: (B,); inf where it is not finite.
+    """Return the energy of each person: (B,); inf if not finite.
 
     Args:
         energies: (B,) each.

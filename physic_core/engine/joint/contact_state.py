@@ -14,7 +14,7 @@ from physic_core.geometry.neighbors import Nearest, NearestPointSearch, inside_b
 from physic_core.geometry.plane import height_over_plane
 
 MAX_MOTION_M = 0.6
-"""Motion of people, metres, after which the search structure of nearby scene points is built again."""
+"""Motion of people, metres, after which the search structure of nearby scene points is rebuilt."""
 
 _MIN_LEVEL_COSINE = 0.7  # between up and the normal of a level surface
 _MIN_STEP_M = 0.1  # height of a step; lower points may be floor that the point map bends
@@ -28,10 +28,10 @@ class ContactState:
         found: bool, a scene point is within the reach of the vertex.
         distance: to that point, metres.
         signed: along its normal, metres, negative inside; inf if no point is found.
-        height: over the floor's plane, metres; inf if there is no plane.
+        height: above the floor's plane, metres; inf if there is no plane.
         facing_scene: cosine between the body's normal and minus the scene's normal; 0 without a scene.
         facing_floor: cosine between the body's normal and minus the floor's normal.
-        on_step: bool, the nearest point is on a level surface more than 10 cm over the floor.
+        on_step: bool, the nearest point is on a horizontal surface more than 10 cm above the floor.
         in_free_space: bool, nearer to the camera than the depth map at its pixel.
         points: (B, n, 3) nearest scene points, unscaled; None without a scene, as are the fields below.
         normals: (B, n, 3) of those points.

@@ -50,7 +50,7 @@ class JointContext:
         pose: poses keypoints, joints and subsampled vertices only.
         area: (B, n) weight of each subsampled vertex: its surface, square decimetres, in preset "default".
         contact_probability: (B, n) finite.
-        is_contact: (B, n) bool, contact vertices: of a probability of at least one half.
+        is_contact: (B, n) bool, contact vertices, with a probability of at least one half.
         on_visible_part: (B, n) bool, on a visible limb.
         above_knees: (n,) bool, on neither a lower leg nor a foot.
         soles: rows of ``ids`` of the left and of the right sole; empty if the body has none.
@@ -58,7 +58,7 @@ class JointContext:
         person_px: (B,) stature in px at the person's depth.
         start: posed bodies at the start, all vertices.
         relative: (B, n, 3) subsampled vertices at the start in the root's frame, metres.
-        standing: (B,) bool, who stand with both ankles visible; not with both feet in the air.
+        standing: (B,) bool, people who stand with both ankles visible, without those with both feet in the air.
         feet_visible: (B, 2) bool.
         log_depth: (H, W) logarithm of the depth map of the original photo, NaN where unknown; or None.
         fronts: of the scene, see :mod:`physic_core.geometry.free_space`; None without a depth of the scene.

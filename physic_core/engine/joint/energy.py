@@ -66,7 +66,7 @@ class JointEnergy:
         self.refresh()
 
     def _own_terms(self) -> tuple[Term, ...]:
-        """Return the terms of the settings, and that of what the user knows, which holds in every energy."""
+        """Return the terms of the settings, and that of the known sizes, which is part of every energy."""
         terms = tuple(self._settings.terms(self.context, self.state))
         if self.problem.known is None:
             return terms
@@ -91,7 +91,7 @@ class JointEnergy:
         return self.groups
 
     def of_people(self, rows: Tensor) -> JointEnergy:
-        """Return the energy of some people alone, (n,) int64, with late terms, at their state and the scene's scale."""
+        """Return the energy of only some people, (n,) int64, with late terms, at their state and the scene's scale."""
         part, settings = copy(self), self._settings
         part.problem, part.context = self.problem.select_people(rows), self.context.select_people(rows)
         part.state = settings.initial_state(part.context)
@@ -116,7 +116,7 @@ class JointEnergy:
 
     @torch.no_grad()
     def refresh(self) -> None:
-        """Update visibility, nearest points and the weights of each term at the present state."""
+        """Update visibility, nearest points and the weights of each term at the current state."""
         problem, context = self.problem, self.context
         estimate = self.state.unpack()
         bodies = problem.model(estimate.rotations, estimate.betas, estimate.transl, problem.expression0)
@@ -144,7 +144,7 @@ class JointEnergy:
         return torch.where(context.keypoints.confident, error, torch.nan).nanmean(1) / context.person_px
 
     def __call__(self) -> dict[str, Tensor]:
-        """Return the weighted energies at the present state: term -> (B,), and "scale" -> (1,). Differentiable."""
+        """Return the weighted energies at the current state: term -> (B,), and "scale" -> (1,). Differentiable."""
         self.evaluations += 1
         bodies = self._posed_bodies()
         if self._settings.nearest_every_step:
@@ -155,7 +155,7 @@ class JointEnergy:
         return {name: value * self._people if len(value) > 1 else value for name, value in energies.items()}
 
     def _posed_bodies(self) -> PosedBodies:
-        """Return bodies and scene parameters at the present state, differentiable."""
+        """Return bodies and scene parameters at the current state, differentiable."""
         problem, estimate = self.problem, self.state.unpack()
         posed = self.context.pose(estimate.rotations, estimate.betas, estimate.transl, problem.expression0)
         people, scale = self.state.deviation()

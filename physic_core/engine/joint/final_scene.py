@@ -65,7 +65,7 @@ def finalize_scene(
 def _carved(
     scene: SceneState, bodies: Tensor, faces: Tensor, masks: Tensor, hole: Tensor, settings: SceneSettings
 ) -> SceneState:
-    """Move inpainted scene points out of the bodies (B, V, 3) that hid them."""
+    """Move inpainted scene points out of the bodies (B, V, 3) that occluded them."""
     unseen = hole & scene.valid
     moved, out = move_behind_bodies(scene.points[unseen], bodies, faces, masks[:, unseen], settings.carve_m)
     points = scene.points.clone()

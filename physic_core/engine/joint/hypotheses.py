@@ -1,4 +1,4 @@
-"""Hypotheses about people that are decided by comparing energies: does a hand touch what it meets in the picture?"""
+"""Hypotheses about people that are decided by comparing energies: does a hand touch what it meets in the image?"""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def decide_joins(
 
 @torch.no_grad()
 def _rise(energy: JointEnergy, before: Tensor) -> Tensor:
-    """Return how much each person's energy without joins exceeds that of another state: (B,), of weight 1."""
+    """Return by how much each person's energy without joins exceeds that of another state: (B,), at weight 1."""
     after = energy.state.pack()
     found = []
     for state in (before, after):

@@ -1,4 +1,4 @@
-"""What stage 3 does in each of its steps, and the settings that all energies share."""
+"""The steps of stage 3, and the settings shared by all energies."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ _AREA_UNIT_M2 = 0.01  # surface of weight 1: a square decimetre, half a sole
 class JointMethod(ABC):
     """Settings of stage 3, the joint optimisation of people and scene (paper sec. 3.3, Eq. 5-7).
 
-    An energy is a subclass: its fields are the settings of its terms, and :meth:`terms` lists them. The other methods
-    are what an energy may do in its own way; by default they do what preset "default" does.
+    An energy is a subclass: its fields are the settings of its terms, and :meth:`terms` lists them. An energy may
+    override the other methods; by default they do the same as preset "default".
     """
 
     frozen: FrozenGroups = ()
-    """Parameter groups that are kept constant: root, pose, hands, betas, translation, scale, offset."""
+    """Parameter groups kept constant: root, pose, hands, betas, translation, scale, offset."""
     optimiser: OptimiserSettings = field(kw_only=True)
     """Optimiser of the energy."""
     visibility: VisibilitySettings = field(default_factory=VisibilitySettings)
     """Visibility of vertices."""
 
     nearest_every_step: ClassVar[bool] = False
-    """Whether nearest points are searched at every evaluation, not only when visibility is updated."""
+    """Whether nearest points are searched at every evaluation rather than only when visibility is updated."""
 
     @property
     @abstractmethod
@@ -61,7 +61,7 @@ class JointMethod(ABC):
     def weigh_people(self, problem: JointProblem) -> Tensor:
         """Return the weight (B,) of each person in the energy: the size in the photo, relative to the largest person.
 
-        The scale of the scene then follows the people who are shown best.
+        The scale of the scene then follows the people who are most visible.
         """
         sides = problem.masks.flatten(1).sum(1).sqrt()
         return (sides / sides.amax().clamp(min=1)).clamp(min=_LEAST_SIZE)
@@ -89,7 +89,7 @@ class JointMethod(ABC):
         """Return the visibility of the posed bodies.
 
         Args:
-            bodies: posed at the present state, all vertices.
+            bodies: posed at the current state, all vertices.
             self_occlusion: of the B people.
             last: the last visibility; None at the first update.
         """
@@ -104,14 +104,14 @@ class JointMethod(ABC):
         """Return the terms of the energy, in the order of summation."""
 
     def late_terms(self, context: JointContext) -> tuple[Sequence[Term], OptimiserSettings]:
-        """Return terms that are added when the others have converged, and the optimiser of the energy with them.
+        """Return terms added after the others have converged, and the optimiser of the energy with them.
 
-        Nothing is minimised again if all of them are 0 then. By default there are none.
+        Minimisation is not repeated if all of them are 0 then. By default there are none.
         """
         return (), self.optimiser
 
     def joins_to_decide(self) -> JoinSettings | None:
-        """Return the settings of joins that are decided by comparing energies; None, by default, for no joins."""
+        """Return the settings of joins, which are decided by comparing energies; None, by default, for no joins."""
         return None
 
     def without(self, term: str) -> Self:

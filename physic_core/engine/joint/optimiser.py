@@ -1,7 +1,7 @@
 """Minimisation of an energy: L-BFGS with a backtracking line search.
 
 Visibility is updated every few steps, and non-finite steps are rejected. No person's energy is higher at the end than
-at the start (:mod:`physic_core.engine.joint.acceptance`). Each person has a curvature of their own, which includes the
+at the start (:mod:`physic_core.engine.joint.acceptance`). Each person has a separate curvature, which includes the
 scale of the scene that couples all people.
 """
 
@@ -67,7 +67,7 @@ class Block:
 def join_results(
     energy: Energy, origin: Tensor, first: MinimisationResult, second: MinimisationResult
 ) -> MinimisationResult:
-    """Merge the results of two minimisations in a row, of which the first started at ``origin``."""
+    """Merge the results of two consecutive minimisations; the first started at ``origin``."""
     end = energy.state.pack()
     energy.state.load(origin)
     start = term_totals(energy())
@@ -94,7 +94,7 @@ class OptimiserSettings(ABC):
         """Return a function that takes at most a number of steps without an update.
 
         Args:
-            energy: is minimised.
+            energy: to minimise.
             groups: see :meth:`minimise`.
         """
 
@@ -140,7 +140,7 @@ class LbfgsSettings(OptimiserSettings):
     """Stop when the steps between two updates lower the energy by less than this share; 0 never stops."""
 
     def start(self, energy: Energy, groups: Tensor | None = None) -> Callable[[int], Block]:
-        """Return a function that takes steps. The history is kept over updates: the next energy is nearly equal."""
+        """Return a function that takes steps. The history is kept across updates: the next energy is nearly equal."""
         return partial(_lbfgs_block, energy, self.tolerance, LbfgsHistory(groups))
 
 
@@ -150,8 +150,8 @@ class Gradient:
 
     Attributes:
         people: (B, D).
-        scale: (B,) of each person's energy by the scale; None if the scale is not free. What is not of one person is
-            shared equally.
+        scale: (B,) of each person's energy by the scale; None if the scale is not free. Contributions that do not
+            belong to one person are shared equally.
     """
 
     people: Tensor
@@ -169,7 +169,7 @@ class _Point:
 
 
 def _evaluate(energy: Energy, at: Tensor) -> _Point:
-    """Return the energy and its gradient at a state; the energy is inf where either is not finite."""
+    """Return the energy and its gradient at a state; the energy is inf if either is not finite."""
     state = energy.state
     state.load(at)
     total = total_energy(energy())
@@ -222,7 +222,7 @@ def _lbfgs_block(energy: Energy, tolerance: float, history: LbfgsHistory, steps:
 
 
 def _backtrack(evaluate: Callable[[Tensor], _Point], here: _Point, direction: Tensor, slope: float) -> _Point | None:
-    """Shorten the step until the Armijo condition holds; return the point that was found, or None."""
+    """Shorten the step until the Armijo condition holds; return the point found, or None."""
     length = 1.0
     for _ in range(_MAX_TRIALS):
         there = evaluate(here.at + length * direction)
@@ -239,7 +239,7 @@ class LbfgsHistory:
     """Steps and gradient changes, which define the quasi-Newton direction of L-BFGS for people who share a scale.
 
     The energy is a sum over people, each a function of the person's own parameters and of the scale. Each person has a
-    history of their own (Griewank and Toint 1982: partially separable functions), so that several people need no more
+    separate history (Griewank and Toint 1982: partially separable functions), so that several people need no more
     steps than one. Their Newton equations are joined by the scale, which is eliminated. With the inverse Hessian of
     person i split into (P_i, q_i; q_i', r_i), the last row being the scale's, and the gradient into g_i and h_i:
 
@@ -250,7 +250,7 @@ class LbfgsHistory:
     all pairs. In float64, since the small matrices are nearly singular at the end.
 
     Args:
-        groups: (B,) int64, the same for people who touch each other, who have one history; None if all are alone.
+        groups: (B,) int64, the same for people who touch each other, who share one history; None if all are separate.
     """
 
     def __init__(self, groups: Tensor | None = None) -> None:
@@ -263,7 +263,7 @@ class LbfgsHistory:
         self._gamma: Tensor | None = None
 
     def add(self, step: Tensor, scale_step: Tensor | None, before: Gradient, after: Gradient) -> None:
-        """Add the step (B, D) of people and that () of the scale, but for people whose curvature is negative."""
+        """Add the step (B, D) of people and that () of the scale, except for people whose curvature is negative."""
         s, y = step.double(), (after.people - before.people).double()
         t, z = s.new_zeros(len(s)), s.new_zeros(len(s))
         if scale_step is not None and before.scale is not None and after.scale is not None:

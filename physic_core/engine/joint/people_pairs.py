@@ -19,7 +19,7 @@ _MAX_SLANT = 0.5  # the same, as a share of the distance along the normal
 
 @dataclass(frozen=True)
 class PeopleProbes:
-    """Vertices that are compared with the skin of other people.
+    """Vertices compared with the skin of other people.
 
     Attributes:
         rows: (m,) int64, into the n subsampled vertices.
@@ -32,7 +32,7 @@ class PeopleProbes:
 
 @dataclass(frozen=True)
 class PeoplePairs:
-    """p pairs of a probe and its nearest vertex on another person.
+    """p pairs of a probe and the nearest vertex on another person.
 
     Attributes:
         person: (p,) int64, owner of the probe.

@@ -80,12 +80,12 @@ def _context_of_view(context: JointContext, view: OtherView, method: JointMethod
 
 
 def _person_px(problem: JointProblem, pelvis: Tensor) -> Tensor:
-    """Return the stature (B,) in px of people whose pelvis (B, 3) is at a place of the camera's frame."""
+    """Return the stature (B,) in px of people whose pelvis (B, 3) is at a position in the camera frame."""
     return problem.K[1, 1] * problem.model.stature(problem.betas0) / pelvis[:, 2].clamp(min=0.1)
 
 
 def _standing(problem: JointProblem, joints: Tensor, observed: Tensor) -> Tensor:
-    """Return the people (B,) bool who stand by their pose, show both ankles, and have a foot on something."""
+    """Return the people (B,) bool with a standing pose, both ankles visible, and a foot on something."""
     up = None if problem.floor_normal is None else problem.floor_normal.cpu().numpy()
     legs = torch.from_numpy(standing_legs(joints.cpu().numpy(), up)).to(joints.device)
     standing = legs.any(1) & observed[:, _ANKLES].all(1)

@@ -29,7 +29,7 @@ def _shape(shape: str) -> dict[str, tuple[str, ...]]:
 
 @dataclass(frozen=True)
 class OtherView(ShortRepr):
-    """What another camera shows of the B people of a problem.
+    """View of the B people of a problem from another camera.
 
     Cameras and scene have one scale: with the factor s of stage 3 on the scene, a point x of the problem's frame is
     ``rotation @ x + s * translation`` in the frame of this camera. Equal factors on scene, cameras and people change no
@@ -68,7 +68,7 @@ class JointProblem(ShortRepr):
         model: body model of all people.
         rotations0: (B, 55, 3, 3) at the start.
         betas0: (B, K) at the start.
-        expression0: (B, E), kept as it is; E = 0 where the body has none.
+        expression0: (B, E), unchanged; E = 0 if the body has none.
         transl0: (B, 3) metres, at the start.
         keypoints: (B, J, 2) px; non-finite ones count as not visible.
         keypoint_confidence: (B, J) in [0, 1].
@@ -81,20 +81,21 @@ class JointProblem(ShortRepr):
         observed: (B, 55) bool, visible joints.
         scene_depth: (H, W) metres along z of the scene points, NaN where unknown; or None.
         floor_normal: (3,) unit, up; None if no floor was found.
-        floor_offset: metres of the camera over the floor: the height of X is ``floor_normal . X + floor_offset``.
+        floor_offset: height of the camera above the floor, metres: the height of X is ``floor_normal . X +
+            floor_offset``.
         floor_points: (F, 3) samples of the plane, or None.
         human_depth: (H, W) metres along z of the original photo, aligned to the scene, NaN where unknown; or None.
         human_points: per person (M_i, 3) metres, aligned to the scene; or None.
         scale_sigma: standard deviation of log(scale) given with the metric depth, or None.
-        grounded: (B,) bool, people who may stand on the floor, not on or in an object; None is all people.
-        lifted_feet: (B, 2) bool, left and right feet in the air, which touch nothing; None is not a foot.
-        foot_touch: (B, 2) probability by the picture that the left and right foot touch something, which weighs what
-            pulls them to the ground; None is 1.
-        estimated_transl: (B, 3) metres, by the body estimator; None is ``transl0``. Used by preset "release".
-        keypoint_transl: (B, 3) metres, translation by the keypoints alone (Eq. 2); None is ``transl0``. Used by
+        grounded: (B,) bool, people who may stand on the floor, not on or in an object; None means all people.
+        lifted_feet: (B, 2) bool, left and right feet in the air, which touch nothing; None means no feet.
+        foot_touch: (B, 2) probability from the image that the left and right foot touch something, which weights their
+            attraction to the ground; None means 1.
+        estimated_transl: (B, 3) metres, by the body estimator; None means ``transl0``. Used by preset "release".
+        keypoint_transl: (B, 3) metres, translation from keypoints alone (Eq. 2); None means ``transl0``. Used by
             preset "release".
         known: sizes that the user knows, or None.
-        views: what other cameras show of the same people, whose start then follows from all photos.
+        views: views of the same people from other cameras; their start is then based on all photos.
     """
 
     model: BodyModel
@@ -130,7 +131,7 @@ class JointProblem(ShortRepr):
         return len(self.transl0)
 
     def check(self, name: str = "joint optimisation") -> None:
-        """Raise PhysicError, which begins with the name, if a field has a wrong shape; it lists all such fields."""
+        """Raise PhysicError if fields have wrong shapes; the message starts with the name and lists all such fields."""
         j = self.keypoints.shape[1]
         height, width = self.masks.shape[-2:]
         model = self.model
@@ -187,7 +188,7 @@ class JointProblem(ShortRepr):
         return vertices
 
     def weight_of_feet(self) -> Tensor:
-        """Return the probability (B, V) by the picture that the foot of each vertex touches something; 1 elsewhere."""
+        """Return the probability (B, V) from the image that the foot of each vertex touches something; 1 elsewhere."""
         model = self.model
         weight = torch.ones(len(self), model.num_vertices, dtype=self.transl0.dtype, device=self.transl0.device)
         if self.foot_touch is not None:
@@ -222,7 +223,8 @@ class JointResult(ShortRepr):
         joints: (B, 55, 3) metres.
         depth_offset: (B,) log of the ratio of the depth map to the person's depth; NaN if the start was not optimised.
         reprojection_share: (B,) mean 2D error of confident keypoints, as a share of the stature in px; NaN without any.
-        depth_inside: (B, V) metres of visible vertices inside the scene or under the floor, without dents; else 0.
+        depth_inside: (B, V) depth of visible vertices inside the scene or below the floor, without dents, metres;
+            otherwise 0.
         surface_share: (B, V) share of the visible surface of each vertex; 0 for vertices that were not tracked.
         losses: term -> its weighted value at the start and at the end, both under the visibility at the end.
         failures: per person, the reason why the start was not optimised; "" if it was.

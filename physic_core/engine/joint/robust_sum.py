@@ -31,7 +31,7 @@ class RobustSum:
 
     @classmethod
     def of(cls, kind: str, scale: float | Tensor, sigma: float, weight: Tensor) -> RobustSum:
-        """Build from the kind of loss, its scale in units of ``sigma``, the expected residual and weights (B, n)."""
+        """Build from the type of loss, its scale in units of ``sigma``, the expected residual and weights (B, n)."""
         return cls(kind, scale, sigma, weight, weight * scale**2, weight * (2.0 / sigma**2))
 
     def rho(self, squared: Tensor) -> Tensor:

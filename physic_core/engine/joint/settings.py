@@ -1,4 +1,4 @@
-"""Settings of the visibility of vertices, which all energies share."""
+"""Settings of the visibility of vertices, shared by all energies."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ class VisibilitySettings:
     vertex_spacing_m: NotNegative = 0.02
     """Vertices without contact are subsampled to this spacing, metres; 0 keeps all."""
     facing_deg: Degrees = 70.0
-    """A vertex faces the camera when its normal is within this angle of the direction to the camera."""
+    """A vertex faces the camera if its normal is within this angle of the direction to the camera."""
     mask_tolerance: NotNegative = 0.01
-    """Vertices this share of the person outside their mask still count as visible."""
+    """Tolerance outside the mask for visible vertices, as a share of the person."""
     occlusion_aware: bool = True
     """Hidden vertices are excluded from penetration and regularised more."""

@@ -1,7 +1,7 @@
 """Free parameters of the joint optimisation: bodies, scene scale, and a depth offset per person.
 
-The parameters are whitened: deviations from the start, divided by their expected sizes. One step length then suits all
-of them, and their sum of squares is a Gaussian prior. OpenCV camera frame, metres.
+The parameters are whitened: deviations from the start, divided by their expected sizes. One step length then suits all,
+and their sum of squares is a Gaussian prior. OpenCV camera frame, metres.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _POSE_SIGMAS: dict[str, float | tuple[float, float, float]] = {
     "wrist": 0.14,
 }
 DEPTH_SCALE_SIGMA = 0.1
-"""Expected error of log(scale), used if the metric depth has no error estimate."""
+"""Expected error of log(scale) if the metric depth has no error estimate."""
 
 _ROOT_SIGMA = 0.3  # radians
 _HAND_SIGMA = 0.15  # radians
@@ -222,7 +222,7 @@ class State:
 
     @contextmanager
     def holding_all_but(self, people: Sequence[int]) -> Iterator[None]:
-        """Keep the scene's scale, and the parameters of all people but some, constant for a while."""
+        """Temporarily keep the scene's scale, and the parameters of all but some people, constant."""
         free, moves = self.free, self.start.transl.new_zeros(self.num_people)
         moves[list(people)] = 1.0
         self.free = tuple(group for group in free if group != "scale")
@@ -248,7 +248,7 @@ class State:
         """Set all free parameters from a vector of :meth:`pack`.
 
         Raises:
-            PhysicError: wrong length of the vector.
+            PhysicError: the vector has the wrong length.
         """
         for value, part in zip(self.parameters(), self._parts(packed), strict=True):
             value.copy_(part.view_as(value))

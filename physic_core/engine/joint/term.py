@@ -61,7 +61,7 @@ class Term(ABC):
     """One summand of the energy (paper Eq. 5), or several that are evaluated together.
 
     Attributes:
-        weights: name -> (B, n) or (B,) weights since the last :meth:`refresh`; 0 leaves a vertex or person out.
+        weights: name -> (B, n) or (B,) weights since the last :meth:`refresh`; 0 excludes a vertex or person.
     """
 
     weights: Mapping[str, Tensor] = MappingProxyType({})

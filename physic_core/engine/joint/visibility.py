@@ -20,7 +20,7 @@ from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.visibility import facing_camera, inside_image, self_occlusion
 
 HIDDEN_LIMB_SHARE = 0.3
-"""A limb segment is hidden when this share of its vertices lies behind other parts; as released."""
+"""A limb segment is hidden if this share of its vertices lies behind other parts; as in the released code."""
 
 _MIN_MOTION_M = 0.01  # mean motion of a person across the rays, from which self-occlusion is computed again
 
@@ -34,7 +34,7 @@ class Visibility:
         normals: (B, n, 3) of the body, unit.
         eligible: (B, n) bool, inside the image and on a visible limb: eligible for contact and penetration.
         in_mask: (B, n) bool, inside the person's mask: not hidden by an object or another person.
-        hidden: (B, n) bool, hidden by objects, other people or the own body.
+        hidden: (B, n) bool, hidden by objects, other people or the person's own body.
         facing: (B, n) bool, camera-facing and inside the person's mask.
         unobstructed: (B, n) bool, camera-facing and not self-occluded.
     """
@@ -49,7 +49,7 @@ class Visibility:
 
 
 class OcclusionTracker:
-    """Self-occlusion of moving people; rays are cast again only for people who have moved."""
+    """Self-occlusion of moving people; rays are recast only for people who have moved."""
 
     def __init__(self, context: JointContext) -> None:
         model = context.problem.model
@@ -99,10 +99,10 @@ class OcclusionTracker:
 
 @torch.no_grad()
 def update_visibility(context: JointContext, bodies: BodyOutput, self_occlusion: OcclusionTracker) -> Visibility:
-    """Compute the visibility of the subsampled vertices from masks, normals and ray casts.
+    """Compute the visibility of the subsampled vertices from masks, normals and ray casting.
 
     Args:
-        bodies: posed at the present state, all vertices.
+        bodies: posed at the current state, all vertices.
         self_occlusion: of the B people.
     """
     problem, settings = context.problem, context.visibility

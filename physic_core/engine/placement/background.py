@@ -1,4 +1,4 @@
-"""Background of the photo: where it may be aligned to the scene, and how much each pixel counts."""
+"""Background of the photo: the pixels that may be aligned to the scene, and their weights."""
 
 from __future__ import annotations
 

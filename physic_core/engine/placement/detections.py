@@ -1,4 +1,4 @@
-"""What detectors and estimators report of the people of a photo."""
+"""Results of detectors and estimators for the people in a photo."""
 
 from __future__ import annotations
 

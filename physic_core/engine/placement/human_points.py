@@ -19,10 +19,10 @@ from physic_core.geometry.tensors import all_finite
 from physic_core.types import AffineAmbiguity
 
 MIN_POINTMAP_INLIER_SHARE = 0.5
-"""Least inlier share of a reliable alignment."""
+"""Minimum inlier share of a reliable alignment."""
 
 FAR_M = 50.0
-"""Largest depth of background used by the alignment, metres."""
+"""Maximum background depth used by the alignment, metres."""
 
 _MARGIN_PX = 8
 

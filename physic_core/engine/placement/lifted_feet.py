@@ -1,10 +1,10 @@
-"""Feet in the air, by the gap of depth between a foot and the scene behind it.
+"""Feet in the air, from the depth gap between a foot and the scene behind it.
 
-At the pixels of a foot on the ground, the depth map of the photo and that of the scene without people nearly agree:
-the ground goes on behind the foot. A foot in the air has a gap. The gap is the logarithm of the ratio of both depths;
-over level ground it is about the foot's height as a share of the camera's height, in any unit and at any distance.
-A foot on a seat or a table has such a gap, too. Gaps are therefore measured where labels of the surfaces show none of
-these around the foot, and not at all without labels.
+At the pixels of a foot on the ground, the depth map of the photo and that of the scene without people nearly agree: the
+ground continues behind the foot. A foot in the air has a gap. The gap is the logarithm of the ratio of both depths;
+over level ground it is about the foot's height as a share of the camera's height, in any unit and at any distance. A
+foot on a seat or a table also has such a gap. Gaps are therefore measured only where surface labels show none of these
+around the foot, and not at all without labels.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from physic_core.engine.placement.detections import ObservedPeople
 from physic_core.types.skeletons import SIDES
 
 MIN_FOOT_GAP = 0.1
-"""Least gap of a lifted foot; feet on the ground have 0.08 at most in photos."""
+"""Minimum gap of a lifted foot; feet on the ground have at most 0.08 in photos."""
 
 _MIN_FOOT_HEIGHT_M = 0.12
-"""Least height of a lifted foot over the floor, metres. Heels and ankles are higher than soles, and the gaps of a low
-camera are large."""
+"""Minimum height of a lifted foot above the floor, metres. Heels and ankles are higher than soles, and the gaps of a
+low camera are large."""
 
 _MIN_CONFIDENCE = 0.3  # of the keypoints of a foot
 _RADIUS_SHARE = 0.02  # of the height of a person's mask: pixels around a keypoint
@@ -36,11 +36,11 @@ _MAX_RAISED_SHARE = 0.5  # of the background around a foot that carries people o
 
 
 def find_lifted_feet(gap: Tensor, held: Tensor, camera_height_m: float) -> Tensor:
-    """Return the left and right feet in the air, (B, 2) bool, from gaps of depth.
+    """Return the left and right feet in the air, (B, 2) bool, from depth gaps.
 
     A foot with a gap is lifted. A person is in the air if both feet are, or if the hands hold something and the mean of
     the known gaps is that of a lifted foot: the depth of one foot is less certain than that of both. People who lift a
-    weight hold something, too, with a mean gap of 0.07.
+    weight also hold something, with a mean gap of 0.07.
 
     Args:
         gap: (B, 2) from :func:`depth_gaps_at_feet`.
@@ -59,7 +59,7 @@ def _is_lifted(gap: Tensor, camera_height_m: float) -> Tensor:
 
 
 def depth_gaps_at_feet(detections: ObservedPeople, photo: Tensor, scene: Tensor, raised: Tensor) -> Tensor:
-    """Measure the gap of depth behind each foot: (B, 2), NaN where unknown.
+    """Measure the depth gap behind each foot: (B, 2), NaN where unknown.
 
     It is the median over the person's pixels around heel and toe, or around the lower one for a foot that points up or
     down in the image, minus the median over the background around the foot.
@@ -68,7 +68,7 @@ def depth_gaps_at_feet(detections: ObservedPeople, photo: Tensor, scene: Tensor,
         detections: keypoints and masks of B people.
         photo: (H, W) metres, depth of the photo, NaN where unknown.
         scene: (H, W) metres, depth of the scene without people, NaN where unknown.
-        raised: (H, W) bool, surfaces that can carry a foot over the ground. Feet among them have no gap.
+        raised: (H, W) bool, surfaces that can carry a foot above the ground. Feet among them have no gap.
     """
     skeleton, masks = detections.skeleton, detections.masks.cpu()
     keypoints, confidence = detections.keypoints.cpu(), detections.confidence.cpu()

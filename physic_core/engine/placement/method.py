@@ -1,4 +1,4 @@
-"""What stage 2 does in each of its steps. An energy may replace some of them by a subclass.
+"""The steps of stage 2. An energy may override some of them in a subclass.
 
 The default minimises for each person, by Gauss-Newton steps with nearest points updated at each step,
 
@@ -46,7 +46,7 @@ POINTMAP_TOLERANCE = 0.15
 one surface."""
 
 FEWEST_POINTS = 50
-"""Least number of human points and of camera-facing vertices for Eq. 4."""
+"""Minimum number of human points and of camera-facing vertices for Eq. 4."""
 
 _MASK_GROWTH = 0.01  # of the long image side: networks blur depth at the silhouette
 _FACING_DEG = 70.0  # between a vertex's normal and the direction to the camera
@@ -91,7 +91,7 @@ class PlacementMethod(PlacementSettings):
         return dilate_square(people, round(_MASK_GROWTH * max(people.shape)))
 
     def weigh_background(self, depth: Tensor, valid: Tensor, people: Tensor, background: Tensor) -> Tensor | None:
-        """Return the weight (H, W) of background pixels in the alignment, from the depth (H, W); None is uniform."""
+        """Return the weight (H, W) of background pixels in the alignment, from the depth (H, W); None means uniform."""
         return nearness_to_people(depth, valid, people, background)
 
     def clean_points(self, cloud: Tensor, known: Tensor, inside: Tensor, size: tuple[int, ...]) -> Tensor:
@@ -138,7 +138,7 @@ class PlacementMethod(PlacementSettings):
         return diagonal.expand(2)
 
     def facing(self, person: PlacementProblem, moved: Tensor) -> Tensor:
-        """Return which vertices (V, 3), moved to a place, face the camera: (V,) bool."""
+        """Return which vertices (V, 3), after translation, face the camera: (V,) bool."""
         return facing_camera(person.normals, moved, _FACING_DEG)
 
     def camera_facing(self, person: PlacementProblem, x: Tensor) -> Tensor:
@@ -193,11 +193,11 @@ class PlacementMethod(PlacementSettings):
         return fit.x
 
     def is_placed(self, person: PlacementProblem) -> bool:
-        """Return whether the place of the body is known without the photo."""
+        """Return whether the position of the body is known without the photo."""
         return False
 
     def losses(self, person: PlacementProblem, fit: Fit) -> dict[str, dict[str, float]]:
-        """Return the energy of each used term of Eq. 3 at the estimated ("start") and at the final ("end") place."""
+        """Return the energy of each used term of Eq. 3 at the estimated ("start") and at the final ("end") position."""
         terms: dict[str, PlacementTerm] = {}
         if not bool(torch.isfinite(person.vertices).all()):
             return {}

@@ -222,9 +222,9 @@ def _place_person(person: PlacementProblem, method: PlacementMethod) -> PersonPl
 
 
 def _is_placed_in_view(person: PlacementProblem, x: Tensor) -> bool:
-    """Return whether x (4,) puts a body in front of the camera, and not off to infinity.
+    """Return whether x (4,) places a body in front of the camera, and not near infinity.
 
-    Keypoints that are wrong by more than the person's size let a robust fit shrink the person to a point.
+    With keypoint errors larger than the person, a robust fit can shrink the person to a point.
     """
     depth = float(person.vertices[:, 2].median())
     farthest = _FARTHEST * max(depth, NEAREST_M)
@@ -232,7 +232,7 @@ def _is_placed_in_view(person: PlacementProblem, x: Tensor) -> bool:
 
 
 def _diagnostics(person: PlacementProblem, fit: Fit, problem: str | None, method: PlacementMethod) -> dict[str, Any]:
-    """Return the figures of a person's placement: what it used, its errors, and how far the person moved."""
+    """Return the diagnostics of a person's placement: data used, errors, and distance moved."""
     start, x = torch.zeros_like(fit.x), fit.x
     return {
         "keypoints": len(person.keypoints),

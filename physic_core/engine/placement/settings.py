@@ -1,4 +1,4 @@
-"""Settings of stage 2: the points of people, and how bodies move onto them."""
+"""Settings of stage 2: the points of people, and the alignment of bodies with them."""
 
 from __future__ import annotations
 
@@ -16,29 +16,30 @@ class PlacementSettings:
     chamfer_weight: NotNegative = 0.6
     """Lambda_d of Eq. 3; 0 stops after Eq. 2."""
     min_confidence: Share = 0.3
-    """Keypoints below are ignored."""
+    """Keypoints of lower confidence are ignored."""
     seen_confidence: Share = 0.7
     """A joint is observed if its keypoint has this confidence and lies on the person's mask, or if the body estimator
-    reports it; 1 uses the report alone."""
+    reports it; 1 uses only the estimator's report."""
     robust_px_share: PositiveOrInfinite = 0.05
     """Scale of the robust reprojection error, as a share of the person's size in the image; "inf" is least squares."""
     robust_m: PositiveOrInfinite = 0.15
-    """Least scale of the robust Chamfer distance, metres; "inf" is least squares."""
+    """Minimum scale of the robust Chamfer distance, metres; "inf" is least squares."""
     max_points: PointCount = 1000
-    """Most points of a person, and most camera-facing vertices, in Eq. 4, whose time is proportional to it."""
+    """Maximum number of a person's points, and of camera-facing vertices, in Eq. 4; its run time is proportional to
+    it."""
     depth_offset_sigma: NotNegative = 0.2
     """Prior of log(depth offset) of a person with visible feet on a known floor; 0 fixes the human points to the
     scene."""
     floor_weight: NotNegative = 1.0
-    """Weight of the distance of the lower foot to the floor, for visible feet on a known floor; 0 is off."""
+    """Weight of the distance of the lower foot to the floor, for visible feet on a known floor; 0 disables it."""
     stand_reach_m: NotNegative = 0.45
     """A person whose lower foot, without depth offset, is higher than this above the floor is on furniture and not on
     the floor; 0 disables the test."""
     detect_lifted_feet: bool = True
-    """Feet with a gap of depth behind them are in the air (:mod:`physic_core.engine.placement.lifted_feet`), in photos
+    """Feet with a depth gap behind them are in the air (:mod:`physic_core.engine.placement.lifted_feet`), in photos
     whose segmenter labels surfaces."""
     feet_by_picture: bool = True
-    """Feet are pulled to the floor as far as the picture says that they touch something
+    """Feet are pulled to the floor in proportion to the image probability that they touch something
     (:mod:`physic_core.body.feet_in_picture`)."""
     lifted_sigmas: Positive = 3.0
     """Both feet are in the air if a person is this many standard deviations from standing on the floor

@@ -1,8 +1,8 @@
 """Stage 2: place the people in the scene (paper Sec. 3.2).
 
-Each body is moved onto its keypoints (Eq. 2) and onto its points in the scene (Eq. 3-4). In a scene whose size the user
-knows, people of unknown stature are resized first. A floor that contradicts the people is dropped, and the people who
-stood on it are placed again. OpenCV camera frame, metres.
+Each body is aligned with its keypoints (Eq. 2) and its points in the scene (Eq. 3-4). In a scene of known size, people
+of unknown stature are resized first. A floor that contradicts the people is dropped, and the people who stood on it are
+placed again. OpenCV camera frame, metres.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class PlacementInput(ShortRepr):
         bodies: as estimated.
         detections: of the same people; each keypoint has a landmark on the body.
         contact_probability: (B, V) of the contact prior, in [0, 1].
-        raised: (H, W) bool, surfaces that can carry a foot over the ground; None if no surface is labelled.
+        raised: (H, W) bool, surfaces that can carry a foot above the ground; None if no surface is labelled.
         known: sizes that the user knows; None without any.
         standing: (B,) how far the feet are from standing on the floor, in standard deviations
             (:func:`physic_core.engine.sizes.standing_scores`), NaN where unknown; None if not measured.
@@ -84,16 +84,16 @@ class PlacedPeople(ShortRepr):
     """People in their scene.
 
     Attributes:
-        scene: that of the input, without its floor if that contradicts the people.
+        scene: that of the input, without its floor if it contradicts the people.
         photo: its point map, aligned to the scene.
         bodies: as estimated, or resized to a scene of known size.
         placement: of the bodies; people with both feet in the air are not grounded.
         observed: (B, 55) bool, visible joints.
         lifted_feet: (B, 2) bool, left and right feet in the air; None if unknown.
-        foot_touch: (B, 2) probability by the picture that the left and the right foot touch something; None if that is
-            not asked.
-        size_ratio: (B,) factor by which people must be enlarged to stand in a scene of known size as the photo shows
-            them, NaN where unknown; None if the size of the scene is unknown.
+        foot_touch: (B, 2) probability from the image that the left and the right foot touch something; None if not
+            requested.
+        size_ratio: (B,) factor by which to enlarge people so that a scene of known size matches the photo, NaN where
+            unknown; None if the size of the scene is unknown.
         rejected_floor: why the floor was dropped, or None.
     """
 
@@ -190,7 +190,7 @@ def _size_by_scene(given: PlacementInput, scene: SceneState, method: PlacementMe
     """Return :func:`size_by_scene` (B,) of the bodies placed at their keypoints.
 
     Args:
-        scene: before the known sizes, where bodies and scene roughly agree: it shows who stands on furniture.
+        scene: before applying known sizes, when bodies and scene roughly agree: it shows who stands on furniture.
     """
     _, posed = _pose(given.bodies, given.detections, method)
     photo = align_photo(given.photo, scene, given.detections.masks, method)

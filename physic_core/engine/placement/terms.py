@@ -17,10 +17,10 @@ from physic_core.geometry.camera import project
 from physic_core.geometry.plane import height_over_plane
 
 FEWEST_KEYPOINTS = 3
-"""Least number of confident keypoints to estimate a translation."""
+"""Minimum number of confident keypoints to estimate a translation."""
 
 NEAREST_M = 0.1
-"""Least distance of a person from the camera, metres."""
+"""Minimum distance of a person from the camera, metres."""
 
 _OFFSET_COST_M = 0.05
 _FLOOR_ROBUST_M = 0.3  # scale of the robust loss, metres
@@ -50,7 +50,7 @@ class PlacementProblem(NamedTuple):
         return len(self.soles) > 0
 
     def foot_height(self, x: Tensor) -> Tensor:
-        """Return the height () of the lower foot over the floor, metres, of a person moved by x (4,)."""
+        """Return the height () of the lower foot above the floor, metres, of a person moved by x (4,)."""
         assert self.plane is not None
         return height_over_plane(self.soles + x[:-1], self.plane[:-1], self.plane[-1]).min()
 
@@ -129,7 +129,7 @@ class ChamferTerm:
 
 
 class PlacementFloorTerm:
-    """Height of the lower foot over the floor, plus the prior ``(g / sigma)^2`` of the log depth offset g."""
+    """Height of the lower foot above the floor, plus the prior ``(g / sigma)^2`` of the log depth offset g."""
 
     def __init__(self, person: PlacementProblem, settings: PlacementSettings) -> None:
         self.person, self.settings = person, settings

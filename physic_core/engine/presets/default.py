@@ -40,7 +40,7 @@ _LATE_TOLERANCE = 1e-3  # of the steps with the people term, a small share of an
 class DefaultOptimisation(JointMethod):
     """Settings of stage 3 in preset "default" (paper sec. 3.3, Eq. 5-7).
 
-    A residual is divided by its "sigma", its expected size, and goes through a robust loss: beyond "outlier_sigmas" it
+    A residual is divided by its "sigma", its expected size, and passed to a robust loss: beyond "outlier_sigmas" it
     counts as an outlier. A weight of 0 removes a term.
     """
 
@@ -55,7 +55,7 @@ class DefaultOptimisation(JointMethod):
     penetration: PenetrationSettings = field(default_factory=PenetrationSettings)
     """Vertices inside the scene and inside other people."""
     floor: FloorSettings = field(default_factory=FloorSettings)
-    """Vertices under the floor."""
+    """Vertices below the floor."""
     soles: SoleSettings = field(default_factory=SoleSettings)
     """Feet on the floor."""
     regularisation: RegularisationSettings = field(default_factory=RegularisationSettings)
@@ -82,7 +82,7 @@ class DefaultOptimisation(JointMethod):
         return max(self.search_radius_m, self.contact.seat_distance_m)
 
     def prepare(self, problem: JointProblem) -> JointProblem:
-        """Return the problem with the scene points that have a normal, and with static contacts if these are chosen."""
+        """Return the problem with the scene points that have a normal, and with static contacts if selected."""
         problem = super().prepare(problem)
         return with_static_contacts(problem) if self.contact.source == "static" else problem
 
@@ -137,7 +137,8 @@ class DefaultOptimisation(JointMethod):
         ]
 
     def late_terms(self, context: JointContext) -> tuple[Sequence[Term], OptimiserSettings]:
-        """Return the people term. From the start, it would keep apart people on the wrong side of each other."""
+        """Return the people term. If used from the start, it would keep people apart on the wrong side of each
+        other."""
         late = replace(self.optimiser, tolerance=min(self.optimiser.tolerance, _LATE_TOLERANCE))
         return [PeopleTerm(self.contact, self.penetration, context)], late
 

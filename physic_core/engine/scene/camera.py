@@ -56,7 +56,8 @@ def convert_to_common_camera(points: Tensor, depth: Tensor, cameras: Cameras) ->
 
 
 def scene_camera(points: Tensor, valid: Tensor, cameras: Cameras) -> Tensor:
-    """Return the intrinsics (3, 3) float64: given ones, else those of the metric depth, else from the point map.
+    """Return the intrinsics (3, 3) float64: given ones, otherwise those of the metric depth, otherwise from the point
+    map.
 
     Args:
         points: (H, W, 3) point map, any unit.

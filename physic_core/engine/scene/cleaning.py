@@ -11,7 +11,8 @@ _REFERENCE_SIDE = 1024
 
 
 def edge_ratio(rows: int, columns: int) -> float:
-    """Return the threshold of the depth ratio at an edge: ``EDGE_RATIO`` for an image side of 1024 px, else scaled.
+    """Return the threshold of the depth ratio at an edge: ``EDGE_RATIO`` for an image side of 1024 px, otherwise
+    scaled.
 
     The threshold is at most ``EDGE_RATIO`` squared, since edges are sharp in small images too.
     """

@@ -21,7 +21,7 @@ from physic_core.geometry.gravity import estimate_up
 from physic_core.geometry.plane import height_over_plane
 
 FloorRejection = Literal["through_people", "far_below_people", "tilted"]
-"""Why a floor is rejected for the people's sake."""
+"""Reason for which people reject a floor."""
 
 _UPRIGHT_DEG = 50.0  # largest tilt of the trunk of people whose soles carry them
 _CONFIDENCE_FACTOR = 0.5  # on the up confidence of a floor search: a tilt has little effect near the feet
@@ -81,7 +81,7 @@ def wrong_floor(
     Args:
         floor: of the scene, or None.
         vertices: of the placed bodies.
-        joints: of the bodies, at any place.
+        joints: of the bodies, at any position.
         scene_normals: (M, 3) unit, zero where unknown.
     """
     if floor is None or not len(vertices):
@@ -97,9 +97,9 @@ def wrong_floor(
 
 
 def _is_tilted(normal: Tensor, joints: Tensor, scene_normals: Tensor) -> bool:
-    """Return whether the surfaces of the scene, or half of the people who stand, contradict a floor's normal.
+    """Return whether the surfaces of the scene, or half of the standing people, contradict a floor's normal.
 
-    People who lie straight differ from people who stand by the axis of the camera that points up.
+    The camera axis that points up distinguishes people who lie straight from people who stand.
     """
     estimate = estimate_up(scene_normals, normal)
     confident = estimate is not None and estimate.confidence >= _CONFIDENCE_FACTOR * MIN_UP_CONFIDENCE

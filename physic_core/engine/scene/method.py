@@ -1,4 +1,4 @@
-"""Settings of stage 1, and what it does in each of its steps. An energy may replace some of them by a subclass."""
+"""Settings and steps of stage 1. An energy may override some of them in a subclass."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class SceneSettings:
     """Settings of stage 1: metric scene points, camera, normals, floor (paper Sec. 3.1)."""
 
     far_m: PositiveOrInfinite = 50.0
-    """Points beyond are removed, metres."""
+    """Points farther away are removed, metres."""
     floor: Literal["disparity", "off"] = "disparity"
     """"disparity" fits a plane in inverse depth. "off" finds no floor."""
     floor_under_people: bool = True
@@ -46,9 +46,9 @@ class SceneMethod(SceneSettings):
     """Stage 1 of preset "default": metric scene points, camera, normals, floor (paper Sec. 3.1).
 
     Attributes:
-        uses_pointmap: whether the scene is the aligned point map, and not the metric depth alone.
+        uses_pointmap: whether the scene is the aligned point map rather than the metric depth alone.
         alignment: options of Eq. 1.
-        min_floor_share: least share of inliers of an accepted floor.
+        min_floor_share: minimum inlier share of an accepted floor.
     """
 
     uses_pointmap: ClassVar[bool] = True

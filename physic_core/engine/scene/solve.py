@@ -27,14 +27,14 @@ from physic_core.types import AffineAmbiguity
 from physic_core.types.short_repr import ShortRepr
 
 MIN_SCENE_INLIER_SHARE = 0.5
-"""Least inlier share of a reliable alignment."""
+"""Minimum inlier share of a reliable alignment."""
 
 _FLOOR_THICKNESS = 0.01  # of the depth
 
 
 @dataclass(frozen=True)
 class SceneInput:
-    """What stage 1 needs of a photo.
+    """Input of stage 1 for a photo.
 
     Attributes:
         points: (H, W, 3) relative point map of the inpainted photo.
@@ -62,7 +62,7 @@ class SceneState(ShortRepr):
         normals: (H, W, 3) unit, facing the camera; zero where unknown.
         valid: (H, W) bool; False at depth edges, outliers and beyond the far limit.
         floor_normal: (3,) unit, up, or None without a floor.
-        floor_offset: height of the camera over the floor, metres; 0 without a floor.
+        floor_offset: height of the camera above the floor, metres; 0 without a floor.
         floor_points: (M, 3) on the floor, within the extent of the scene.
         K: (3, 3) px, float64.
         alignment: of the relative point map to the metric depth.

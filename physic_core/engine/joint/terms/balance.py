@@ -34,7 +34,7 @@ class BalanceSettings:
 def level_direction(up: Tensor) -> Tensor:
     """Return the horizontal viewing direction (3,) over a floor with the normal ``up`` (3,).
 
-    The viewing direction of a camera that points straight down has no horizontal part: it is then 0.
+    It is 0 for a camera that points straight down.
     """
     forward = torch.stack([torch.zeros_like(up[0]), torch.zeros_like(up[0]), torch.ones_like(up[0])])
     level = forward - (forward @ up) * up

@@ -21,22 +21,22 @@ class ContactTermSettings:
     weight: NotNegative = 1.25
     """Lambda_c of Eq. 5; 0 removes the term."""
     source: Literal["prior", "static"] = "prior"
-    """Contact vertices are those of the "prior", or "static" parts of every body: feet, hands, thighs, seat and
+    """Contact vertices: from the "prior", or the "static" parts of every body: feet, hands, thighs, seat and
     back."""
     static_weight: NotNegative = 0.4
     """Weight of static parts without expected contact; 0 removes them."""
     max_distance_m: Positive = 0.15
     """Contact vertices farther from scene and floor are skipped, metres."""
     seat_distance_m: Positive = 0.3
-    """The same for seats of people who sit, and level surfaces of the scene over the floor. Depth places people and
-    their seats apart: by 0.05 to 0.4 m in photos."""
+    """The same for the seats of sitting people and horizontal surfaces of the scene above the floor. Depth separates
+    people from their seats: by 0.05 to 0.4 m in photos."""
     sigma_m: Positive = 0.02
     """Expected error of the surface, metres."""
     outlier_sigmas: Positive = 3.5
     """Beyond this many sigmas a distance counts as an outlier (Geman-McClure)."""
     people_weight: NotNegative = 0.8
-    """Weight of hands on other people (:mod:`physic_core.engine.joint.terms.people`), relative to ``weight``; 0 leaves
-    it out."""
+    """Weight of hands on other people (:mod:`physic_core.engine.joint.terms.people`), relative to ``weight``; 0 removes
+    it."""
 
 
 class ContactTerm:
@@ -47,8 +47,8 @@ class ContactTerm:
     Attributes:
         prior: (B, n) weight of each vertex by its contact probability.
         is_seat: (B, n) bool, contact vertices with the reach of seats.
-        seated: (B, n) bool, those over a level surface of the scene.
-        on_scene: (B, n) bool, contact is with the scene; else with the floor.
+        seated: (B, n) bool, those over a horizontal surface of the scene.
+        on_scene: (B, n) bool, contact is with the scene, otherwise with the floor.
         touching: (B, n) bool, near a surface that the vertex faces, on a visible limb.
     """
 

@@ -1,7 +1,7 @@
 """Join term: a hand touches another hand or a knee.
 
-A photo shows neither gap nor contact of two limbs along a ray. Where their keypoints meet, stage 3 is minimised with
-and without contact: :mod:`physic_core.engine.joint.hypotheses`. Camera frame, metres.
+A photo shows neither gap nor contact of two limbs along a ray. If their keypoints meet, stage 3 is minimised with and
+without contact: :mod:`physic_core.engine.joint.hypotheses`. Camera frame, metres.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ class JoinSettings:
     """Settings of joins: a hand that touches another hand, or a knee of the same person."""
 
     weight: NotNegative = 4.0
-    """Weight of a join, which closes gaps to a centimetre; 0 leaves joins out."""
+    """Weight of a join, which closes gaps to a centimetre; 0 disables joins."""
     width_m: Positive = 0.1
-    """Largest distance in the picture between a keypoint of the hand and one of the other limb, metres at their depth:
+    """Largest distance in the image between a keypoint of the hand and one of the other limb, metres at their depth:
     the width of a hand."""
     reach_m: Positive = 0.25
-    """Largest gap without the join, metres. Hands that met in photos farther apart (0.31-1.13) did not touch."""
+    """Largest gap without the join, metres. Hands that met in photos at larger gaps (0.31-1.13) did not touch."""
     sigma_m: Positive = 0.02
-    """Expected distance of vertices that touch, metres: their spacing. Limbs that are nearer need no join, and a join
-    that leaves twice as much is rejected."""
+    """Expected distance of touching vertices, metres: their spacing. Nearer limbs need no join, and a join that leaves
+    twice this distance is rejected."""
     max_rise: NotNegative = 4.0
-    """Largest energy that a join may add to the other terms of its people, each of weight 1. Photos: 3 at most for
-    hands that touch another hand, 4.7 and more for hands that do not."""
+    """Largest energy that a join may add to the other terms of its people, each at weight 1. In photos: at most 3
+    for hands that touch another hand, at least 4.7 for hands that do not."""
 
 
 @dataclass(frozen=True)
@@ -65,13 +65,13 @@ class Join:
         return float(distance[row, column]), int(self.rows[row]), int(self.other_rows[column])
 
     def among(self, people: Sequence[int]) -> Join:
-        """Return the join of a problem that has some of the people alone."""
+        """Return the join in a problem with only some of the people."""
         return replace(self, person=people.index(self.person), other=people.index(self.other))
 
 
 @torch.no_grad()
 def find_joins(settings: JoinSettings, context: JointContext, vertices: Tensor) -> list[Join]:
-    """Find limbs that meet in the picture, and are apart but in reach along the ray; the nearest in the picture first.
+    """Find limbs that meet in the image, and are apart but within reach along the ray; the nearest in the image first.
 
     Args:
         settings: of joins.
@@ -116,7 +116,7 @@ class JoinTerm(Term):
     The vertices are found at each refresh, and kept until the next one.
 
     Attributes:
-        joins: those that are assumed.
+        joins: the assumed ones.
     """
 
     def __init__(self, settings: JoinSettings, joins: tuple[Join, ...] = ()) -> None:

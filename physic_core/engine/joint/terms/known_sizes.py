@@ -1,4 +1,4 @@
-"""Known-size terms: statures, the camera's height and lengths that the user gave hold within their tight sigma."""
+"""Known-size terms: tight constraints on statures, the camera's height and lengths given by the user."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """People term: people touch each other without being inside each other.
 
-The scene of the paper has no people, so that nothing there keeps two bodies apart.
+The paper's scene has no people, so nothing in it keeps two bodies apart.
 """
 
 from __future__ import annotations

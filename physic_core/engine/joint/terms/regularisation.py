@@ -53,8 +53,8 @@ def vertex_weights(
 class RegularisationTerm:
     """Regularisation term, evaluated by :class:`physic_core.engine.joint.terms.surface.SurfaceTerms`.
 
-    The squared error of a start falls with the number n of photos that it follows from: all weights are n times those
-    of one photo.
+    The squared error of a start decreases with its number n of photos: all weights are n times those for one
+    photo.
     """
 
     def __init__(

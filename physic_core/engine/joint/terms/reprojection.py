@@ -32,7 +32,7 @@ class ReprojectionSettings:
     outlier_sigmas: Positive = 5.0
     """Beyond this many sigmas a keypoint counts as an outlier (Cauchy)."""
     min_confidence: Share = 0.3
-    """Keypoints below count ``low_confidence_weight`` times as much."""
+    """Keypoints of lower confidence are weighted by ``low_confidence_weight``."""
     low_confidence_weight: NotNegative = 0.1
     """0 drops them."""
 
@@ -72,7 +72,7 @@ class ReprojectionTerm(Term):
 
 
 def finite_keypoints(problem: JointProblem) -> tuple[Tensor, Tensor]:
-    """Return keypoints (B, J, 2) px and confidence (B, J); set both to 0 if either of them is not finite."""
+    """Return keypoints (B, J, 2) px and confidence (B, J); both are set to 0 if either is not finite."""
     points, confidence = problem.keypoints, problem.keypoint_confidence
     finite = torch.isfinite(points).all(-1) & torch.isfinite(confidence)
     points = torch.where(finite[..., None], points, torch.zeros_like(points))
@@ -80,7 +80,8 @@ def finite_keypoints(problem: JointProblem) -> tuple[Tensor, Tensor]:
 
 
 def weighted_keypoints(problem: JointProblem, person_px: Tensor, settings: ReprojectionSettings) -> WeightedKeypoints:
-    """Return the keypoints with weights from confidence, reduced for low confidence and for limbs that no photo shows.
+    """Return the keypoints with weights from confidence, reduced for low confidence and for limbs not visible in any
+    photo.
 
     Args:
         problem: with finite people only.

@@ -1,4 +1,4 @@
-"""Sole term: height of soles over the floor, for soles near the floor."""
+"""Sole term: height of soles above the floor, for soles near the floor."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ _STEP_SHARE = 0.3  # of a sole's vertices; a foot with more of them over a step 
 
 @dataclass(frozen=True)
 class SoleSettings:
-    """Settings of the sole term: mean height over the floor of the lowest 5 % of a sole's vertices."""
+    """Settings of the sole term: mean height above the floor of the lowest 5 % of a sole's vertices."""
 
     weight: NotNegative = 2.0
     """Weight of each visible foot near the floor."""
     lower_weight: NotNegative = 4.0
-    """Weight of the lower visible foot, up to a larger height."""
+    """Weight of the lower visible foot, effective up to a larger height."""
     unseen_weight: NotNegative = 4.0
     """Weight of each invisible foot; most feet stand on the floor."""
 
@@ -37,7 +37,7 @@ def sole_energy(lowest: Tensor, weight: Tensor, lower_weight: Tensor, near: Robu
     """Return the sole energy (B,): ``sum_f w_f near(h_f^2) + w far(min_f h_f^2)`` with robust losses near and far.
 
     ``near`` redescends within centimetres, so that a foot in the air gets no gradient. ``far`` does not redescend. It
-    applies to the lower foot only: a person who stands, walks or runs has at most one foot far from the ground.
+    applies only to the lower foot: a person who stands, walks or runs has at most one foot far from the ground.
 
     Args:
         lowest: (B, 2) height of the left and the right sole, metres.

@@ -17,8 +17,8 @@ class StatureSettings:
     """Settings of the stature term: deviation of each person's height from the estimated height."""
 
     weight: NotNegative = 1.0
-    """Together with the weight of the scene's scale, divides a disagreement of sizes between people and scene; 0
-    removes the term."""
+    """Weight; with that of the scene's scale, it splits size disagreements between people and scene; 0 removes
+    the term."""
 
 
 class StatureTerm(Term):

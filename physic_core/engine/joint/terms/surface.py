@@ -42,7 +42,7 @@ class SurfaceInputs:
         floor: robust sum over depths below the floor.
         mesh_weight: (B, n) of the squared deviation of a vertex from the start, in the root's frame.
         log_map_depth: (B, n) logarithm of the depth map at the vertices.
-        on_scene: (B, n) bool, contact is with the scene; else with the floor.
+        on_scene: (B, n) bool, contact is with the scene, otherwise with the floor.
         penetration_slack: metres.
         eligible: (B, n) bool, vertices with a gradient to the floor's scale; the others use ``last_scale``.
         relative: (B, 3, n) at the start in the root's frame, metres.

@@ -13,7 +13,7 @@ from physic_core.engine.joint.terms.reprojection import ReprojectionSettings, Re
 
 
 class ViewsTerm(Term):
-    """Sum of the reprojection terms of all other cameras, with the weight and the loss of that of the photo."""
+    """Sum of the reprojection terms of all other cameras, with the weight and loss of the photo's term."""
 
     def __init__(self, settings: ReprojectionSettings, context: JointContext) -> None:
         self._terms = [
