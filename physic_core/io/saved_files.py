@@ -56,11 +56,6 @@ class Saving:
         return Saving(self.level, (*self.extras, "report")) if "report" not in self.extras else self
 
     @property
-    def can_be_loaded(self) -> bool:
-        """Whether :func:`physic_core.load_reconstruction` reads what is saved."""
-        return self.level not in ("people", "summary")
-
-    @property
     def is_exact(self) -> bool:
         """Whether arrays are written as computed, not in their smaller form."""
         return self.level in ("full", "exact")
