@@ -127,7 +127,7 @@ def summary_line(reconstruction: Reconstruction) -> str:
         f"{camera.width} x {camera.height} px",
         f"focal length {math.sqrt(camera.fx * camera.fy):.0f} px, {camera.source}",
         "scale of unknown certainty" if scene.scale_sigma is None else f"scale ±{100 * scene.scale_sigma:.0f} %",
-        *([f"changed by {100 * (scene.scale - 1):+.1f} % in the joint fit"] if reconstruction.people else []),
+        *([f"changed by {100 * (scene.scale - 1):+z.1f} % in the joint fit"] if reconstruction.people else []),
     ]
     if scene.floor is None:
         facts.append("no floor found")
