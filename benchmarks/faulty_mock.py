@@ -32,7 +32,7 @@ class FaultySegmenter(MockSegmenter):
 
     def infer(self, image: UInt8Array) -> People:
         """Segment a world's photo, unless its digest is in the options."""
-        digest = image_digest(image)
+        digest = pixels_digest(image)
         if digest in self.options.abort:
             os.abort()
         if digest in self.options.fail:
@@ -42,6 +42,6 @@ class FaultySegmenter(MockSegmenter):
         return super().infer(image)
 
 
-def image_digest(image: UInt8Array) -> str:
+def pixels_digest(image: UInt8Array) -> str:
     """Return the SHA-256 of the pixels of an image (H, W, 3)."""
     return hashlib.sha256(image.tobytes()).hexdigest()

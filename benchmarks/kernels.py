@@ -48,7 +48,7 @@ PHOTOS = (".jpg", ".jpeg", ".png")
 
 
 @dataclass(frozen=True)
-class Answer:
+class KernelOutcome:
     """What is compared of one reconstruction; ``error`` instead of it."""
 
     joints: Any = None  # (N, 55, 3)
@@ -144,7 +144,7 @@ def worlds_of(count: int, seed: int) -> list[str]:
     return [f"{name}:{own}" for name, own in benchmark_worlds(count, seed)]
 
 
-def run_set(name: str, task: dict[str, Any]) -> list[Answer]:
+def run_set(name: str, task: dict[str, Any]) -> list[KernelOutcome]:
     """All items under one kernel set."""
     with tempfile.TemporaryDirectory() as folder:
         asked, told = Path(folder) / "task.json", Path(folder) / "answers.pickle"
@@ -154,7 +154,7 @@ def run_set(name: str, task: dict[str, Any]) -> list[Answer]:
             env=os.environ | SETS[name],
             check=True,
         )
-        answers: list[Answer] = [Answer(**fields) for fields in pickle.loads(told.read_bytes())]
+        answers: list[KernelOutcome] = [KernelOutcome(**fields) for fields in pickle.loads(told.read_bytes())]
         return answers
 
 
@@ -169,7 +169,7 @@ def answer_all(asked: str, told: str) -> int:
     return 0
 
 
-def answer(item: str, preset: str, size: list[int]) -> Answer:
+def answer(item: str, preset: str, size: list[int]) -> KernelOutcome:
     """Reconstruct one photo or world."""
     from physic_core.configuration.layers import is_path
     from physic_core.configuration.model import load_config
@@ -184,9 +184,9 @@ def answer(item: str, preset: str, size: list[int]) -> Answer:
         photo = build_world(name, int(seed), (size[0], size[1])).image if name in WORLDS else item
         result = reconstruct(photo, config)
     except PhysicError as error:
-        return Answer(error=str(error))
+        return KernelOutcome(error=str(error))
     floor = result.scene.floor
-    return Answer(
+    return KernelOutcome(
         joints=np.array([person.joints for person in result.people]),
         floor=None if floor is None else np.array([*floor.normal, floor.offset]),
         contact=np.array([person.contact for person in result.people]),
@@ -210,7 +210,7 @@ class Difference:
         return bool(beyond or self.flips)
 
 
-def difference(one: Answer, two: Answer) -> Difference:
+def difference(one: KernelOutcome, two: KernelOutcome) -> Difference:
     """Compare two answers; what cannot be compared is infinitely far apart."""
     if one.error or two.error:
         same = one.error == two.error
@@ -244,7 +244,7 @@ def floor_angle(one: Any, two: Any) -> float:
     return float(np.degrees(np.arctan2(sine, one[:3] @ two[:3])))
 
 
-def report(items: list[str], answers: dict[str, list[Answer]]) -> int:
+def report(items: list[str], answers: dict[str, list[KernelOutcome]]) -> int:
     """Print a row a photo, the worst of the sets against the first; 1 where one is beyond the limits."""
     first, *others = answers
     print(f"{'against ' + first:44}{'joints mm':>10}{'floor deg':>10}{'contact %':>10}  checks that flip")

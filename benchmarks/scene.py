@@ -80,13 +80,13 @@ def world_seed(name: str, seed: int) -> int:
 
 def run_worlds(given: argparse.Namespace) -> None:
     """Print a row for each number of views, and one of the average of single results."""
-    from physic_scene import Scene
+    from physic_scene import ScenePipeline
     from physic_testing.worlds import build_world, view_names
 
     given.out.mkdir(parents=True, exist_ok=True)
     config = mock_config()
     rows: dict[str, list[dict[str, float]]] = {}
-    with Scene(config) as scene:
+    with ScenePipeline(config) as scene:
         for name in given.names:
             seed = world_seed(name, given.seed)
             names = view_names(f"{name}+other", max(given.views))

@@ -29,7 +29,7 @@ BINS = (0.0, 0.2, 0.4, 0.6, 0.84, 1.01)  # of keypoint confidence
 
 
 @dataclass(frozen=True)
-class View:
+class WorldView:
     """One photo of a world: its people, their numbers in the world, and the truth."""
 
     people: Any
@@ -55,20 +55,20 @@ def main() -> None:
     print(TARGET.read_text("utf-8"))
 
 
-def _moments(out: Path, names: Sequence[str], seeds: Sequence[int]) -> Iterator[list[View]]:
+def _moments(out: Path, names: Sequence[str], seeds: Sequence[int]) -> Iterator[list[WorldView]]:
     import torch
 
     from physic_core.body import load_body
-    from physic_scene import Scene
+    from physic_scene import ScenePipeline
     from physic_scene.solved import ScenePhoto
     from physic_testing.worlds import build_world, view_names
 
     out.mkdir(parents=True, exist_ok=True)
     model = load_body("embedded").to(dtype=torch.float64)
-    with Scene(mock_config()) as scene:
+    with ScenePipeline(mock_config()) as scene:
         for name, given in itertools.product(names, seeds):
             seed = world_seed(name, given)
-            views: list[View] = []
+            views: list[WorldView] = []
             worlds = [build_world(view, seed, SIZE) for view in view_names(f"{name}+other", VIEWS)]
             points = _true_points(worlds)
             for world in worlds:
@@ -78,7 +78,7 @@ def _moments(out: Path, names: Sequence[str], seeds: Sequence[int]) -> Iterator[
                 people, masks = photo.people, photo.view.people.masks
                 match = match_by_masks(masks, world.masks, min_iou=0.3)
                 number = dict(zip(match.predicted.tolist(), match.truth.tolist(), strict=True))
-                views.append(View(people, [number.get(i, -1) for i in range(len(people))], world, points))
+                views.append(WorldView(people, [number.get(i, -1) for i in range(len(people))], world, points))
             yield views
 
 
@@ -97,7 +97,7 @@ def _true_points(worlds: Sequence[Any]) -> Any:
 # ---- errors of cameras and bodies ------------------------------------------------------------------------------------
 
 
-def _errors(moments: Sequence[list[View]]) -> dict[str, Any]:
+def _errors(moments: Sequence[list[WorldView]]) -> dict[str, Any]:
     from physic_scene.measured import keypoint_class, keypoint_clusters
     from physic_scene.rigid import fit_rotation
 

@@ -45,10 +45,10 @@ def main() -> None:
 
 def _worlds(out: Path, names: Sequence[str], seeds: Sequence[int]) -> Iterator[tuple[list[Any], list[list[int]], int]]:
     """Yield the results of the photos of each world, the number in the world of each of their people, and the seed."""
-    from physic_scene import Scene
+    from physic_scene import ScenePipeline
     from physic_testing.worlds import build_world, view_names
 
-    with Scene(mock_config()) as scene:
+    with ScenePipeline(mock_config()) as scene:
         for name, given in itertools.product(names, seeds):
             seed, alone, numbers = world_seed(name, given), [], []
             for view in view_names(f"{name}+other", VIEWS):

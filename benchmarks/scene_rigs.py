@@ -30,7 +30,7 @@ RIGHT_DEG = 20.0
 
 
 @dataclass(frozen=True)
-class Photo:
+class RigPhoto:
     """One photo of a rig.
 
     Attributes:
@@ -61,14 +61,14 @@ def run_rigs(data: Path, out: Path, kinds: Sequence[str], most: int, *, apart: b
         apart: whether only moments are used that took no part in choosing numbers.
     """
     from physic_core import load_config
-    from physic_scene import Scene
+    from physic_scene import ScenePipeline
 
     missing = [name for name in ("panoptic", "roundtable") if not (data / name / "cameras.json").is_file()]
     if missing:
         print(f"skipped: {data} has no {' and no '.join(missing)}; they are sets of benchmarks.truth", file=sys.stderr)
         return
     out.mkdir(parents=True, exist_ok=True)
-    with Scene(load_config()) as scene:
+    with ScenePipeline(load_config()) as scene:
         photos = list(_photos(scene, data, out))
         moments = {m: [p for p in photos if p.moment == m] for m in dict.fromkeys(photo.moment for photo in photos)}
         number = {m: who_is_who(own) for m, own in moments.items()}
@@ -85,7 +85,7 @@ def run_rigs(data: Path, out: Path, kinds: Sequence[str], most: int, *, apart: b
                 _print(f"{kind}, {label}", rows[chosen])
 
 
-def _photos(scene: Any, data: Path, out: Path) -> Iterator[Photo]:
+def _photos(scene: Any, data: Path, out: Path) -> Iterator[RigPhoto]:
     """Yield the photos of both rigs, from results that are kept in a folder."""
     from benchmarks.scene import kept
     from benchmarks.truth.sets import SETS, picture_of
@@ -101,27 +101,27 @@ def _photos(scene: Any, data: Path, out: Path) -> Iterator[Photo]:
             zoom = camera.width / result.intrinsics.width  # a large photo is reduced before it is reconstructed
             pixels = np.stack([zoom * (person.keypoints + 0.5) - 0.5 for person in result.people])
             confidence = np.stack([person.keypoint_confidence for person in result.people])
-            yield Photo(sample.name, sample.group, camera, result, pixels, confidence)
+            yield RigPhoto(sample.name, sample.group, camera, result, pixels, confidence)
 
 
-def _groups(moments: Mapping[str, Sequence[Photo]], count: int) -> Iterator[tuple[Photo, ...]]:
+def _groups(moments: Mapping[str, Sequence[RigPhoto]], count: int) -> Iterator[tuple[RigPhoto, ...]]:
     for photos in moments.values():
         yield from itertools.combinations(photos, count)
 
 
-def _took_part(group: Sequence[Photo], kind: str) -> bool:
+def _took_part(group: Sequence[RigPhoto], kind: str) -> bool:
     """Return whether numbers were chosen on a photo of a group; wrong pairs have a photo of each rig."""
     names = {photo.moment for photo in group} | ({photo.name for photo in group} if kind == "wrong" else set())
     return not names.isdisjoint((*CHOSEN_ON, *WRONG_CHOSEN_ON))
 
 
-def _wrong(moments: Mapping[str, Sequence[Photo]]) -> Iterator[tuple[Photo, ...]]:
+def _wrong(moments: Mapping[str, Sequence[RigPhoto]]) -> Iterator[tuple[RigPhoto, ...]]:
     """Yield pairs of photos of different rigs."""
     *panoptic, roundtable = moments.values()
     yield from itertools.product(itertools.chain.from_iterable(panoptic), roundtable)
 
 
-def who_is_who(photos: Sequence[Photo]) -> list[list[int]]:
+def who_is_who(photos: Sequence[RigPhoto]) -> list[list[int]]:
     """Return the number of each person of each photo, by the distances of their keypoints' rays with true cameras.
 
     The nearest people are joined first, as long as no photo shows a person twice.
@@ -144,7 +144,7 @@ def who_is_who(photos: Sequence[Photo]) -> list[list[int]]:
     return [[number[v, i] for i in range(len(photo.pixels))] for v, photo in enumerate(photos)]
 
 
-def _rays_apart(photos: Sequence[Photo], one: tuple[int, int], two: tuple[int, int]) -> float:
+def _rays_apart(photos: Sequence[RigPhoto], one: tuple[int, int], two: tuple[int, int]) -> float:
     """Return the mean distance of the rays of the keypoints of two people, metres; NaN with too few."""
     (a, i), (b, j) = one, two
     both = (photos[a].confidence[i] > SEEN) & (photos[b].confidence[j] > SEEN)
@@ -156,7 +156,7 @@ def _rays_apart(photos: Sequence[Photo], one: tuple[int, int], two: tuple[int, i
     return float(np.minimum(np.abs(normal @ (photos[b].camera.centre - photos[a].camera.centre)), APART_M).mean())
 
 
-def _rays(photo: Photo, person: int) -> Any:
+def _rays(photo: RigPhoto, person: int) -> Any:
     """Return the directions (J, 3) of a person's keypoints in the frame of the rig."""
     pixels = np.column_stack([photo.pixels[person], np.ones(len(photo.pixels[person]))])
     rays = pixels @ np.linalg.inv(photo.camera.K).T @ photo.camera.R
@@ -164,24 +164,24 @@ def _rays(photo: Photo, person: int) -> Any:
 
 
 @dataclass(frozen=True)
-class Truth:
+class RigTruth:
     """What is true of the photos of a group: numbers of their people, and their hips (3,), metres, frame of the rig."""
 
     number: list[list[int]]
     hips: dict[int, Any]
 
 
-def _of(group: Sequence[Photo], moment: Sequence[Photo], number: Sequence[list[int]]) -> Truth:
+def _of(group: Sequence[RigPhoto], moment: Sequence[RigPhoto], number: Sequence[list[int]]) -> RigTruth:
     """Return the truth of a group of photos, with people whom at least three photos of the moment show."""
-    views: dict[int, list[tuple[Photo, int]]] = {}
+    views: dict[int, list[tuple[RigPhoto, int]]] = {}
     for photo, own in zip(moment, number, strict=True):
         for i, person in enumerate(own):
             views.setdefault(person, []).append((photo, i))
     hips = {p: found for p, seen in views.items() if (found := _triangulated_hips(seen)) is not None}
-    return Truth([number[list(moment).index(photo)] for photo in group], hips)
+    return RigTruth([number[list(moment).index(photo)] for photo in group], hips)
 
 
-def _triangulated_hips(seen: Sequence[tuple[Photo, int]]) -> Any:
+def _triangulated_hips(seen: Sequence[tuple[RigPhoto, int]]) -> Any:
     """Return the point between both hips, from all photos that show them; None with fewer than three."""
     points = []
     for name in ("left_hip", "right_hip"):
@@ -204,7 +204,7 @@ def _skeleton(result: Any) -> list[str]:
     return list(skeleton_named(result.skeleton).names)
 
 
-def _scores(scene: Any, group: Sequence[Photo], truth: Truth | None) -> dict[str, float]:
+def _scores(scene: Any, group: Sequence[RigPhoto], truth: RigTruth | None) -> dict[str, float]:
     """Return the figures of one moment; truth is None for photos of different rigs."""
     from physic_core.errors import InputError
     from physic_core.types import Grade
@@ -237,7 +237,7 @@ def _scores(scene: Any, group: Sequence[Photo], truth: Truth | None) -> dict[str
     return scores | _hips(found, group, truth, people)
 
 
-def _hips(found: Any, group: Sequence[Photo], truth: Truth, people: Sequence[set[int]]) -> dict[str, float]:
+def _hips(found: Any, group: Sequence[RigPhoto], truth: RigTruth, people: Sequence[set[int]]) -> dict[str, float]:
     """Return the errors of hips, mm, after one similarity, and of single photos placed by the true cameras."""
     from physic_core.body import JOINT_INDEX
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Ground:
+class UpAndFloor:
     """Up direction and floor position.
 
     Attributes:
@@ -61,7 +61,7 @@ def visible_share(
 
 
 def support_gap(
-    vertices: Tensor, joints: Tensor, normals: Tensor, may_touch: Tensor, distance: Tensor, ground: Ground
+    vertices: Tensor, joints: Tensor, normals: Tensor, may_touch: Tensor, distance: Tensor, ground: UpAndFloor
 ) -> float | None:
     """Compute the gap between supporting vertices and the nearest surface or floor, metres; 0 if they touch.
 
@@ -91,7 +91,7 @@ def support_gap(
     return max(0.0, gap)
 
 
-def clearance(vertices: Tensor, distance: Tensor, ground: Ground) -> float | None:
+def clearance(vertices: Tensor, distance: Tensor, ground: UpAndFloor) -> float | None:
     """Compute the gap between a body and the nearest surface or floor, metres; 0 if any vertex touches.
 
     Unlike :func:`support_gap`, all vertices count, visible or not. None without a floor or a surface in reach.
@@ -107,7 +107,7 @@ def clearance(vertices: Tensor, distance: Tensor, ground: Ground) -> float | Non
     return max(0.0, gap) if gap != float("inf") else None
 
 
-def sole_height(vertices: Tensor, soles: Tensor, ground: Ground) -> float | None:
+def sole_height(vertices: Tensor, soles: Tensor, ground: UpAndFloor) -> float | None:
     """Return the height of the lowest sole vertex over the floor, metres, negative below it; None without a floor.
 
     Args:

@@ -12,7 +12,7 @@ from physic_core.engine.limbs import observed_parts
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.visibility import depth_order_violations
-from physic_core.pipeline.measures import Ground, clearance, depth_ratio, sole_height, support_gap, visible_share
+from physic_core.pipeline.measures import UpAndFloor, clearance, depth_ratio, sole_height, support_gap, visible_share
 from physic_core.pipeline.silhouettes import PhotoEvidence, compare_silhouettes
 from physic_core.types.contacts import ContactPartner
 
@@ -35,9 +35,9 @@ def measure_people(problem: JointProblem, result: JointResult, found: ContactRes
         found: contact of the same people.
     """
     model, scale = problem.model, result.scene_scale
-    ground = Ground(result.vertices.new_tensor([0.0, -1.0, 0.0]), None)
+    ground = UpAndFloor(result.vertices.new_tensor([0.0, -1.0, 0.0]), None)
     if problem.floor_normal is not None:
-        ground = Ground(problem.floor_normal.to(ground.up), problem.floor_offset * scale)
+        ground = UpAndFloor(problem.floor_normal.to(ground.up), problem.floor_offset * scale)
     soles = model.soles
     outward = vertex_normals(result.vertices, model.faces)
     may_carry = model.outer & ~problem.feet_in_air()

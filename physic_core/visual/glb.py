@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.types import Reconstruction, UInt8Array
-    from physic_core.visual.export.request import Frame
+    from physic_core.visual.export.request import ExportFrame
     from physic_core.visual.textures.coordinates import TextureCoordinates
 
 _WEIGHT_LOSS = 1e-3
@@ -353,7 +353,7 @@ def _add_mesh(
     return glb.add("nodes", {"name": name, "mesh": mesh, **node})
 
 
-def textured_scene(result: Reconstruction, frame: Frame) -> _Background:
+def textured_scene(result: Reconstruction, frame: ExportFrame) -> _Background:
     """Return mesh and texture of the scene, and its floor in a frame."""
     surface = mesh_scene(result.scene, depth_limit(result))
     texture, (width, height) = _power_of_two(result.scene.colors)

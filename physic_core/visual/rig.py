@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel
     from physic_core.types import Person, Reconstruction
-    from physic_core.visual.export.request import ExportRequest, Frame
+    from physic_core.visual.export.request import ExportFrame, ExportRequest
 
     Array = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ def body_of_result(result: Reconstruction, file: Path | None = None) -> BodyMode
     return load_smplx(named, **sizes).to(dtype=torch.float64)
 
 
-def pose_rig(model: BodyModel, person: Person, frame: Frame) -> Rig:
+def pose_rig(model: BodyModel, person: Person, frame: ExportFrame) -> Rig:
     """Return skeleton, skin and pose of a person in a frame.
 
     Raises:

@@ -31,7 +31,7 @@ from physic_core.pipeline.checks import (
 )
 from physic_core.pipeline.checks.result import Measurement, compare_with_threshold
 from physic_core.pipeline.checks.specs import CheckSpec
-from physic_core.pipeline.measures import Ground, depth_ratio, sole_height, support_gap, visible_share
+from physic_core.pipeline.measures import UpAndFloor, depth_ratio, sole_height, support_gap, visible_share
 from physic_core.pipeline.person_measures import reversed_depths
 from physic_core.types import CameraTrust, CheckResult, CheckState, Grade, Intrinsics, Plane, skeleton_named
 
@@ -466,7 +466,7 @@ class Body:
         self.free = torch.full((len(self.vertices),), torch.inf)
 
     def gap(self, distance: torch.Tensor, floor: float | None) -> float | None:
-        return support_gap(self.vertices, self.joints, self.normals, self.outer, distance, Ground(self.up, floor))
+        return support_gap(self.vertices, self.joints, self.normals, self.outer, distance, UpAndFloor(self.up, floor))
 
 
 def test_a_mask_of_the_upper_half_shows_half_of_a_body() -> None:
@@ -495,8 +495,8 @@ def test_the_gap_under_the_feet_is_the_height_over_the_floor() -> None:
 def test_the_soles_are_above_or_below_the_floor(lift: float) -> None:
     body, sets = Body(lift=lift), load_body().contact_sets
     soles = torch.cat([sets["left_sole"], sets["right_sole"]])
-    assert sole_height(body.vertices, soles, Ground(body.up, body.floor)) == pytest.approx(lift, abs=0.02)
-    assert sole_height(body.vertices, soles, Ground(body.up, None)) is None
+    assert sole_height(body.vertices, soles, UpAndFloor(body.up, body.floor)) == pytest.approx(lift, abs=0.02)
+    assert sole_height(body.vertices, soles, UpAndFloor(body.up, None)) is None
 
 
 def test_a_hand_on_a_table_does_not_carry_a_standing_person() -> None:

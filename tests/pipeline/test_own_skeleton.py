@@ -10,7 +10,7 @@ from physic_core.body import load_body
 from physic_core.metrics import pa_mpjpe_mm
 from physic_core.types import Keypoints, Skeleton
 from physic_mock.keypoints import KeypointOptions, MockKeypointDetector
-from physic_mock.recognition import match_people, recognise_world
+from physic_mock.recognition import match_masks_to_world, recognise_world
 from physic_testing.conformance import check_backend
 from physic_testing.conformance.true_keypoints import world_keypoints
 from physic_testing.worlds import World
@@ -40,7 +40,7 @@ class MarkerDetector(MockKeypointDetector):
     def infer(self, image: np.ndarray, people: object) -> Keypoints:
         found = recognise_world(image)
         points, visible = world_keypoints(found.world, MARKERS)
-        rows = match_people(found, people)
+        rows = match_masks_to_world(found, people)
         return Keypoints(points[rows], np.where(visible[rows], 0.95, 0.3), MARKERS)
 
 

@@ -49,7 +49,7 @@ class MinimisationResult:
 
 
 @dataclass(frozen=True)
-class Block:
+class BlockResult:
     """Result of the steps between two refreshes.
 
     Attributes:
@@ -90,7 +90,7 @@ class OptimiserSettings(ABC):
     """Steps between two updates of visibility and nearest points."""
 
     @abstractmethod
-    def start(self, energy: Energy, groups: Tensor | None = None) -> Callable[[int], Block]:
+    def start(self, energy: Energy, groups: Tensor | None = None) -> Callable[[int], BlockResult]:
         """Return a function that takes at most a number of steps without an update.
 
         Args:
@@ -110,7 +110,7 @@ class OptimiserSettings(ABC):
         """
         state = energy.state
         origin, take_steps = state.pack(), self.start(energy, groups)
-        done, blocks = 0, list[Block]()
+        done, blocks = 0, list[BlockResult]()
         while done < self.steps and state.parameters() and not (blocks and blocks[-1].converged):
             if done:
                 energy.refresh()
@@ -139,7 +139,7 @@ class LbfgsSettings(OptimiserSettings):
     tolerance: NotNegative = 5e-3
     """Stop when the steps between two updates lower the energy by less than this share; 0 never stops."""
 
-    def start(self, energy: Energy, groups: Tensor | None = None) -> Callable[[int], Block]:
+    def start(self, energy: Energy, groups: Tensor | None = None) -> Callable[[int], BlockResult]:
         """Return a function that takes steps. The history is kept across updates: the next energy is nearly equal."""
         return partial(_lbfgs_block, energy, self.tolerance, LbfgsHistory(groups))
 
@@ -185,7 +185,7 @@ def _evaluate(energy: Energy, at: Tensor) -> _Point:
     return _Point(at, value if finite else math.inf, gradient, Gradient(people, scale))
 
 
-def _lbfgs_block(energy: Energy, tolerance: float, history: LbfgsHistory, steps: int) -> Block:
+def _lbfgs_block(energy: Energy, tolerance: float, history: LbfgsHistory, steps: int) -> BlockResult:
     """Take L-BFGS steps between two refreshes."""
     state = energy.state
     evaluations = 0
@@ -218,7 +218,7 @@ def _lbfgs_block(energy: Energy, tolerance: float, history: LbfgsHistory, steps:
             break
     state.load(here.at)
     converged = values[0] - here.value < tolerance * abs(values[0])
-    return Block(evaluations, taken, converged)
+    return BlockResult(evaluations, taken, converged)
 
 
 def _backtrack(evaluate: Callable[[Tensor], _Point], here: _Point, direction: Tensor, slope: float) -> _Point | None:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.types import Reconstruction
-    from physic_core.visual.export.request import Frame
+    from physic_core.visual.export.request import ExportFrame
     from physic_core.visual.surface import SceneMesh
 
 _MARGIN_M = 0.5
@@ -25,7 +25,7 @@ _CORNERS = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0.5, 0], [0, 0.5, 0.
 
 
 def drawn_floor(
-    result: Reconstruction, frame: Frame, surface: SceneMesh
+    result: Reconstruction, frame: ExportFrame, surface: SceneMesh
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]] | None:
     """Return vertices (4 n, 3) and faces (2 n, 3) of rectangles on the floor; None without a floor.
 

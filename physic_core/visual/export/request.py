@@ -22,7 +22,7 @@ _Z_UP_FROM_Y_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1
 
 
 @dataclass(frozen=True)
-class Frame:
+class ExportFrame:
     """Frame of an exported file, in metres.
 
     Attributes:
@@ -77,7 +77,7 @@ class ExportRequest:
 
     result: Reconstruction
     people: tuple[int, ...]
-    frame: Frame
+    frame: ExportFrame
     stem: str
     suffix: str
     scene: bool = True
@@ -93,7 +93,7 @@ class ExportRequest:
         return f"{self.stem}{self.suffix}" if len(self.people) == 1 else f"{self.stem}_{person}{self.suffix}"
 
 
-def export_frame(floor: Plane | None, up: str) -> Frame:
+def export_frame(floor: Plane | None, up: str) -> ExportFrame:
     """Return the frame with an up axis.
 
     "y" and "z" have the origin on the floor below the camera, and the camera looks along -z or +y. "camera" is the
@@ -103,7 +103,7 @@ def export_frame(floor: Plane | None, up: str) -> Frame:
         InputError: z up without a floor.
     """
     if up == "camera":
-        return Frame(up, np.eye(4), "x right, y down, z forward, origin at the camera")
+        return ExportFrame(up, np.eye(4), "x right, y down, z forward, origin at the camera")
     matrix = gltf_from_camera(floor)
     origin = "origin on the floor below the camera"
     if up == "z":
@@ -112,14 +112,14 @@ def export_frame(floor: Plane | None, up: str) -> Frame:
                 "z up needs the direction of gravity, which is the normal of the floor, and this result has no floor: "
                 "use a format with --up y (y is then the camera's up axis) or --up camera"
             )
-        return Frame(up, _Z_UP_FROM_Y_UP @ matrix, f"x right, y forward, z up, {origin}")
+        return ExportFrame(up, _Z_UP_FROM_Y_UP @ matrix, f"x right, y forward, z up, {origin}")
     if floor is None:
         note = "the result has no floor: y is the camera's up axis, and the origin is the camera"
-        return Frame(up, matrix, "x right, y up (of the camera), z backward, origin at the camera", (note,))
-    return Frame(up, matrix, f"x right, y up, z backward, {origin}")
+        return ExportFrame(up, matrix, "x right, y up (of the camera), z backward, origin at the camera", (note,))
+    return ExportFrame(up, matrix, f"x right, y up, z backward, {origin}")
 
 
-def camera_pose(frame: Frame) -> NDArray[np.float64]:
+def camera_pose(frame: ExportFrame) -> NDArray[np.float64]:
     """Return the pose (4, 4) of a camera that looks along its -z with y up, as in glTF, USD and MuJoCo."""
     return frame.from_camera @ np.diag([1.0, -1.0, -1.0, 1.0])
 

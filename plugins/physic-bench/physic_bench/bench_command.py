@@ -122,6 +122,7 @@ def _measure_accuracy(options: _AccuracyOptions) -> None:
     config, noisy = _configs(options, trial, others)
 
     from physic_bench.worlds.results import check_results
+    from physic_core.cache.folders import cache_folder
     from physic_core.configuration.resolve import check_backends, require_available, resolve
     from physic_core.discovery.plugins import discover
     from physic_core.files.atomic import check_writable
@@ -132,15 +133,15 @@ def _measure_accuracy(options: _AccuracyOptions) -> None:
     check_results(check_writable(options.out))
 
     from physic_bench.worlds.run_worlds import BenchmarkJob
-    from physic_bench.worlds.table_rows import FULL, TRIAL, Row, select_rows
-    from physic_bench.worlds.world_evidence import benchmark_cases, cache_folder, with_other_bodies
+    from physic_bench.worlds.table_rows import FULL, TRIAL, TableRow, select_rows
+    from physic_bench.worlds.world_evidence import benchmark_cases, with_other_bodies
 
     keys = [key.strip() for key in options.rows.split(",") if key.strip()]
     chosen = select_rows(options.preset, keys or ([FULL] if trial else []))
     if trial:
         label = "full, " + ", ".join(text.partition(".")[2] for text in trial)
-        chosen = (*chosen, Row(TRIAL, label, config.engine.settings()))
-    work = BenchmarkJob(noisy, chosen, None if options.no_cache else (options.cache or cache_folder()))
+        chosen = (*chosen, TableRow(TRIAL, label, config.engine.settings()))
+    work = BenchmarkJob(noisy, chosen, None if options.no_cache else (options.cache or cache_folder("bench")))
     cases = benchmark_cases(options.worlds, options.seed, options.size, options.actions)
     cases = with_other_bodies(cases) if options.other_bodies else cases
     settings = {

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_bench.damage import DamagedFileError, as_numbers, require_finite
+from physic_bench.damage import DamagedFrameError, as_numbers, require_finite
 from physic_core.body.joints import JOINT_NAMES, ROTATION_FIELDS
 from physic_core.errors import InputError
 from physic_core.files.npz import read_arrays
@@ -120,7 +120,7 @@ class BodyFiles:
 
         Raises:
             InputError: a model file is missing.
-            DamagedFileError: a parameter is not finite, or has another size.
+            DamagedFrameError: a parameter is not finite, or has another size.
         """
         import torch
 
@@ -165,7 +165,7 @@ def rotations_of(given: Any, count: int, name: str) -> Array:
     """Return rotation matrices (count, 3, 3) of rotation vectors, or of rotation matrices, row by row.
 
     Raises:
-        DamagedFileError: the size fits neither, or matrices are not rotations.
+        DamagedFrameError: the size fits neither, or matrices are not rotations.
     """
     from physic_core.body.rotations import rotvec_to_rotmat_numpy
 
@@ -177,9 +177,9 @@ def rotations_of(given: Any, count: int, name: str) -> Array:
     if values.size == 9 * count:
         matrices = values.reshape(count, 3, 3)
         if np.abs(matrices @ matrices.swapaxes(1, 2) - np.eye(3)).max() > 1e-3 or (np.linalg.det(matrices) < 0).any():
-            raise DamagedFileError(f"'{name}' has matrices that are not rotations")
+            raise DamagedFrameError(f"'{name}' has matrices that are not rotations")
         return matrices
-    raise DamagedFileError(
+    raise DamagedFrameError(
         f"'{name}' must be {count} rotation vectors or rotation matrices, {3 * count} or {9 * count} numbers, got "
         f"{values.size}"
     )
@@ -204,7 +204,7 @@ def _translation(parameters: Mapping[str, Any]) -> Array:
     given = parameters.get("transl")
     values = np.zeros(3) if given is None else as_numbers(given, "'transl'").reshape(-1)
     if values.size != 3:
-        raise DamagedFileError(f"'transl' must be 3 numbers, got {values.size}")
+        raise DamagedFrameError(f"'transl' must be 3 numbers, got {values.size}")
     return require_finite(values[None], "'transl'")
 
 

@@ -23,14 +23,14 @@ GENDERS = ("neutral", "male", "female")
 """Of the body model files."""
 
 
-class DamagedFileError(InputError):
+class DamagedFrameError(InputError):
     """Raised if a file is missing, cut off, or has another content than its format states.
 
     It costs the frame of the file. Any other exception while a frame is read is an error of this program.
     """
 
 
-def unreadable(path: Path, error: BaseException, what: str = "") -> DamagedFileError:
+def damaged_file_error(path: Path, error: BaseException, what: str = "") -> DamagedFrameError:
     """Return the error of a file that a library could not read.
 
     Args:
@@ -39,21 +39,21 @@ def unreadable(path: Path, error: BaseException, what: str = "") -> DamagedFileE
         what: before the path, such as "the picture ".
     """
     if isinstance(error, OSError) and error.errno in _SYSTEM_ERRORS:
-        return DamagedFileError(f"{what}{path} cannot be read: {error.strerror}")
-    return DamagedFileError(f"{what}{path} cannot be read: it is damaged or truncated, copy it again")
+        return DamagedFrameError(f"{what}{path} cannot be read: {error.strerror}")
+    return DamagedFrameError(f"{what}{path} cannot be read: it is damaged or truncated, copy it again")
 
 
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Add the path to the message of a DamagedFileError that does not have it; errors of permissions become one."""
+    """Add the path to the message of a DamagedFrameError that does not have it; errors of permissions become one."""
     try:
         yield
     except PermissionError as error:
-        raise unreadable(Path(error.filename or path), error) from error
-    except DamagedFileError as error:
+        raise damaged_file_error(Path(error.filename or path), error) from error
+    except DamagedFrameError as error:
         if str(path) in str(error):
             raise
-        raise DamagedFileError(f"{path}: {error}") from error
+        raise DamagedFrameError(f"{path}: {error}") from error
 
 
 def as_numbers(value: Any, what: str) -> Array:
@@ -64,7 +64,7 @@ def as_numbers(value: Any, what: str) -> Array:
         what: the file and the name of the value, for the message.
 
     Raises:
-        DamagedFileError: the value is not an array of real numbers.
+        DamagedFrameError: the value is not an array of real numbers.
     """
     import numpy as np
 
@@ -74,17 +74,17 @@ def as_numbers(value: Any, what: str) -> Array:
             raise TypeError
         return found.astype(np.float64)
     except (TypeError, ValueError) as error:
-        raise DamagedFileError(f"{what} holds no numbers") from error
+        raise DamagedFrameError(f"{what} holds no numbers") from error
 
 
 def item(values: Mapping[str, Any], name: str, path: Path) -> Any:
     """Return an entry of a file.
 
     Raises:
-        DamagedFileError: the file has no such entry.
+        DamagedFrameError: the file has no such entry.
     """
     if name not in values:
-        raise DamagedFileError(f"{path} has no '{name}'; it has: {', '.join(sorted(map(str, values))) or 'nothing'}")
+        raise DamagedFrameError(f"{path} has no '{name}'; it has: {', '.join(sorted(map(str, values))) or 'nothing'}")
     return values[name]
 
 
@@ -92,7 +92,7 @@ def number_array(values: Mapping[str, Any], name: str, path: Path, shape: tuple[
     """Return an array of a file, reshaped if ``shape`` is given; -1 is any length above 0.
 
     Raises:
-        DamagedFileError: the file has no such array, or it is not numeric or of another size.
+        DamagedFrameError: the file has no such array, or it is not numeric or of another size.
     """
     found = as_numbers(item(values, name, path), f"{path}: '{name}'")
     return found if shape is None else _reshaped(found, shape, f"{path}: '{name}'")
@@ -102,12 +102,12 @@ def require_finite(values: Array, what: str) -> Array:
     """Return values.
 
     Raises:
-        DamagedFileError: some are not finite.
+        DamagedFrameError: some are not finite.
     """
     import numpy as np
 
     if not np.isfinite(values).all():
-        raise DamagedFileError(f"{what} has values that are not finite")
+        raise DamagedFrameError(f"{what} has values that are not finite")
     return values
 
 
@@ -115,13 +115,13 @@ def require_rotation(matrix: Array, what: str) -> Array:
     """Return a matrix (3, 3).
 
     Raises:
-        DamagedFileError: it is not a rotation: scaled, a mirror image, or not finite.
+        DamagedFrameError: it is not a rotation: scaled, a mirror image, or not finite.
     """
     import numpy as np
 
     require_finite(matrix, what)
     if np.abs(matrix @ matrix.T - np.eye(3)).max() > 1e-2 or np.linalg.det(matrix) < 0:
-        raise DamagedFileError(f"{what} is not a rotation: it is scaled or a mirror image")
+        raise DamagedFrameError(f"{what} is not a rotation: it is scaled or a mirror image")
     return matrix
 
 
@@ -130,5 +130,5 @@ def _reshaped(found: Array, shape: tuple[int, ...], what: str) -> Array:
     for side in shape:
         size *= side if side > 0 else 1
     if found.size == 0 or found.size % size or (-1 not in shape and found.size != size):
-        raise DamagedFileError(f"{what} must have the shape {shape}, got {found.shape}")
+        raise DamagedFrameError(f"{what} must have the shape {shape}, got {found.shape}")
     return found.reshape(shape)

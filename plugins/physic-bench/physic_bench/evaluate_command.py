@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from physic_bench.contract import Frame
     from physic_bench.datasets.base import DataSet
     from physic_bench.evaluation import Method, UnexpectedError
-    from physic_bench.reconstruct import Reconstruction
+    from physic_bench.reconstruct import ReconstructionSettings
 
 CONTACT_CM = "2,4,5"
 NAMED_ERRORS = 5
@@ -296,22 +296,22 @@ def _reconstructs(given: _Given) -> bool:
     return given.preset is not None or given.config is not None or not given.results
 
 
-def _reconstruction(given: _Given) -> Reconstruction:
-    from physic_bench.reconstruct import Reconstruction
+def _reconstruction(given: _Given) -> ReconstructionSettings:
+    from physic_bench.reconstruct import ReconstructionSettings
 
-    return Reconstruction(
+    return ReconstructionSettings(
         given.preset, given.config, given.overrides, given.device, given.workers, with_camera=not given.no_camera
     )
 
 
-def _own_method(frames: tuple[Frame, ...], how: Reconstruction, out: Path, bodies: BodyFiles) -> Method:
+def _own_method(frames: tuple[Frame, ...], how: ReconstructionSettings, out: Path, bodies: BodyFiles) -> Method:
     """Reconstruct the pictures, and return that as a method."""
     from physic_bench.evaluation import Method
     from physic_bench.readers import open_reader
-    from physic_bench.reconstruct import reconstruct
+    from physic_bench.reconstruct import reconstruct_frames
 
     folder = out / "reconstructions"
-    failures = reconstruct(frames, folder, how, lambda text: echo(text, err=True))
+    failures = reconstruct_frames(frames, folder, how, lambda text: echo(text, err=True))
     name = f"physic {how.preset or (how.config.stem if how.config else 'embedded')}"
     return Method(name, open_reader("physic", folder, bodies), failures=failures)
 

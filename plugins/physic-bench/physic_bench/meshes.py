@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from physic_bench.contract import Surface
-from physic_bench.damage import DamagedFileError, unreadable
+from physic_bench.damage import DamagedFrameError, damaged_file_error
 
 MAX_BODY_M = 3.0
 
@@ -18,7 +18,7 @@ def read_mesh(path: Path) -> Surface:
     """Read the vertices, in their order, and triangles of a file.
 
     Raises:
-        DamagedFileError: the file is missing, cut off or no mesh.
+        DamagedFrameError: the file is missing, cut off or no mesh.
     """
     mesh = _load(path)
     faces = getattr(mesh, "faces", None)
@@ -31,44 +31,46 @@ def read_vertex_colours(path: Path) -> np.ndarray[tuple[int, ...], np.dtype[np.u
     """Return the colours (V, 4) uint8 RGBA of a mesh file.
 
     Raises:
-        DamagedFileError: the file is missing, cut off, or has no colours.
+        DamagedFrameError: the file is missing, cut off, or has no colours.
     """
     mesh = _load(path)
     if mesh.visual.kind != "vertex":
-        raise DamagedFileError(f"{path} has no colours of vertices")
+        raise DamagedFrameError(f"{path} has no colours of vertices")
     return np.asarray(mesh.visual.vertex_colors, np.uint8)
 
 
 @lru_cache(maxsize=4)
-def scene_mesh(path: Path) -> Surface:
+def read_scene_mesh(path: Path) -> Surface:
     """Read the mesh of a scene once per process."""
     return read_mesh(path)
 
 
 def require_metres(vertices: np.ndarray[tuple[int, ...], np.dtype[np.float64]], path: Path) -> None:
-    """Raise DamagedFileError for a body that is not of a person's size."""
+    """Raise DamagedFrameError for a body that is not of a person's size."""
     if not np.isfinite(vertices).all():
         bad = int((~np.isfinite(vertices).all(-1)).sum())
-        raise DamagedFileError(f"{bad} of the {len(vertices)} vertices of the body in {path} are not finite")
+        raise DamagedFrameError(f"{bad} of the {len(vertices)} vertices of the body in {path} are not finite")
     size = float(np.ptp(vertices, axis=0).max()) if len(vertices) else 0.0
     if not 0.2 < size < MAX_BODY_M:
         unit = " (millimetres?)" if 200 < size < 1000 * MAX_BODY_M else ""
-        raise DamagedFileError(f"the body in {path} measures {size:.3g} m{unit}: lengths must be metres")
+        raise DamagedFrameError(f"the body in {path} measures {size:.3g} m{unit}: lengths must be metres")
 
 
 def _load(path: Path) -> Any:
     import trimesh
 
     if not path.is_file():
-        raise DamagedFileError(f"there is no file {path}")
+        raise DamagedFrameError(f"there is no file {path}")
     try:
         mesh = trimesh.load(path, process=False, maintain_order=True)
     except Exception as error:  # of trimesh's readers, which have many
         if isinstance(error, PermissionError):
-            raise unreadable(path, error) from error
-        raise DamagedFileError(f"{path} cannot be read as a mesh: it is damaged or truncated, copy it again") from error
+            raise damaged_file_error(path, error) from error
+        raise DamagedFrameError(
+            f"{path} cannot be read as a mesh: it is damaged or truncated, copy it again"
+        ) from error
     if isinstance(mesh, trimesh.Scene):
         mesh = mesh.to_mesh()
     if not len(getattr(mesh, "vertices", ())):
-        raise DamagedFileError(f"{path} cannot be read as a mesh: it has no vertices")
+        raise DamagedFrameError(f"{path} cannot be read as a mesh: it has no vertices")
     return mesh

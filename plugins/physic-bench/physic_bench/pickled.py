@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from physic_bench.damage import DamagedFileError
+from physic_bench.damage import DamagedFrameError
 from physic_core.body.files.array_pickle import (
     InvalidArrayError,
     PickledObject,
@@ -30,26 +30,26 @@ def pickled_arrays(path: Path) -> dict[str, Any]:
     """Return the content of a pickle, Python 2's too: arrays, numbers, texts, lists and dictionaries of them.
 
     Raises:
-        DamagedFileError: the file does not exist, is cut off, or names anything that could run code.
+        DamagedFrameError: the file does not exist, is cut off, or names anything that could run code.
     """
     try:
         return {name: _plain(value) for name, value in read_pickle(path).items()}
     except FileNotFoundError as error:
-        raise DamagedFileError(f"there is no file {path}") from error
+        raise DamagedFrameError(f"there is no file {path}") from error
     except OSError as error:
-        raise DamagedFileError(f"{path} cannot be read: {error.strerror}") from error
+        raise DamagedFrameError(f"{path} cannot be read: {error.strerror}") from error
     except UnsafePickleError as error:
-        raise DamagedFileError(
+        raise DamagedFrameError(
             f"{path} holds {error}, which is refused: only arrays of numbers are read from a pickle, since others can "
             "run code. Save NumPy arrays instead (tensor.detach().cpu().numpy())"
         ) from error
     except InvalidArrayError as error:
-        raise DamagedFileError(f"{path} {error}") from error
+        raise DamagedFrameError(f"{path} {error}") from error
     except RecursionError as error:
-        raise DamagedFileError(f"{path} is nested too deeply to be a result") from error
+        raise DamagedFrameError(f"{path} is nested too deeply to be a result") from error
     except _DAMAGED as error:
         reason = escape_unprintable(str(error)) or type(error).__name__
-        raise DamagedFileError(
+        raise DamagedFrameError(
             f"{path} is not a complete pickle ({reason}): it is damaged or truncated, copy it again"
         ) from error
 
@@ -59,29 +59,29 @@ def read_object_rows(path: Path, name: str) -> list[Any]:
 
     Raises:
         KeyError: the file has no such array.
-        DamagedFileError: the array is cut off, is not one list of objects, or names anything that could run code.
+        DamagedFrameError: the array is cut off, is not one list of objects, or names anything that could run code.
     """
     place = f"{path}: '{name}'"
     try:
         with zipfile.ZipFile(path) as archive:
             stream = io.BytesIO(archive.read(f"{name}.npy"))
     except (OSError, zipfile.BadZipFile, zlib.error, EOFError) as error:
-        raise DamagedFileError(f"{path} cannot be read: it is damaged or truncated, copy it again") from error
+        raise DamagedFrameError(f"{path} cannot be read: it is damaged or truncated, copy it again") from error
     try:
         version = np.lib.format.read_magic(stream)
         header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
         shape, _, dtype = header(stream)
         if dtype.kind != "O" or len(shape) != 1:
-            raise DamagedFileError(f"{place} must be a list of Python objects, got {shape} of {dtype}")
+            raise DamagedFrameError(f"{place} must be a list of Python objects, got {shape} of {dtype}")
         return [_plain(item) for item in read_pickled_items(stream.read())]
     except UnsafePickleError as error:
-        raise DamagedFileError(
+        raise DamagedFrameError(
             f"{place} holds {error}, which is refused: only numbers and texts are read, since others can run code"
         ) from error
     except InvalidArrayError as error:
-        raise DamagedFileError(f"{place} {error}") from error
+        raise DamagedFrameError(f"{place} {error}") from error
     except _DAMAGED as error:
-        raise DamagedFileError(f"{place} cannot be read: it is damaged or truncated, copy it again") from error
+        raise DamagedFrameError(f"{place} cannot be read: it is damaged or truncated, copy it again") from error
 
 
 def _plain(value: Any, depth: int = 0) -> Any:

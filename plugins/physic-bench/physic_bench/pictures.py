@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from physic_bench.damage import DamagedFileError, unreadable
+from physic_bench.damage import DamagedFrameError, damaged_file_error
 from physic_core.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ def open_picture(path: Path) -> Iterator[OpenedImage]:
     """Open a picture of a data set; decoding it takes bounded memory, as of a photo.
 
     Raises:
-        DamagedFileError: the file is missing, damaged or too large; also if the block decodes it and it is damaged.
+        DamagedFrameError: the file is missing, damaged or too large; also if the block decodes it and it is damaged.
     """
     from physic_core.files.image_file import ImageSource, open_image, wrap_decoding_errors
 
@@ -35,20 +35,20 @@ def open_picture(path: Path) -> Iterator[OpenedImage]:
         with open_image(source) as (image, _), wrap_decoding_errors(source):
             yield image
     except FileNotFoundError as error:
-        raise DamagedFileError(f"there is no picture {path}") from error
+        raise DamagedFrameError(f"there is no picture {path}") from error
     except OSError as error:
-        raise unreadable(path, error, "the picture ") from error
-    except DamagedFileError:
+        raise damaged_file_error(path, error, "the picture ") from error
+    except DamagedFrameError:
         raise
     except InputError as error:
-        raise DamagedFileError(str(error)) from error
+        raise DamagedFrameError(str(error)) from error
 
 
 def read_picture(picture: Picture) -> NDArray[np.uint8]:
     """Return the pixels (H, W, 3) uint8 RGB.
 
     Raises:
-        DamagedFileError: the file is missing or damaged.
+        DamagedFrameError: the file is missing or damaged.
     """
     import numpy as np
 

@@ -21,7 +21,7 @@ TIMEOUT_S = 1200.0
 
 
 @dataclass(frozen=True)
-class Reconstruction:
+class ReconstructionSettings:
     """How this tool reconstructs the pictures.
 
     Attributes:
@@ -76,8 +76,8 @@ def photo_item(frame: Frame, folder: Path, *, with_camera: bool = True) -> Photo
     return PhotoItem(frame.id, str(path.resolve()), settings)
 
 
-def reconstruct(
-    frames: Sequence[Frame], out: Path, how: Reconstruction, report: Callable[[str], None]
+def reconstruct_frames(
+    frames: Sequence[Frame], out: Path, how: ReconstructionSettings, report: Callable[[str], None]
 ) -> dict[str, str]:
     """Reconstruct all pictures into a folder of ``physic batch``; what is done already stays.
 

@@ -104,7 +104,7 @@ def score_frame(
         rules: what is measured.
         reason: why there is no result.
     """
-    matched = {} if prediction is None else match_people(frame, truth, prediction)
+    matched = {} if prediction is None else match_to_truth(frame, truth, prediction)
     records = []
     for row, person in enumerate(truth.people):
         record = base_record(frame, method, person, reason or "no person at this place")
@@ -135,7 +135,7 @@ def score_frame(
 _NO_BOX = (0.0, 0.0, 0.0, 0.0)  # overlaps no other box
 
 
-def match_people(frame: Frame, truth: Truth, prediction: Prediction) -> dict[int, int]:
+def match_to_truth(frame: Frame, truth: Truth, prediction: Prediction) -> dict[int, int]:
     """Return annotated person -> predicted person, one to one, by the overlap of their boxes in the picture.
 
     Without a camera, the best predicted person belongs to the only annotated one.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_bench.contract import TOPOLOGY_OF_COUNT
-from physic_bench.damage import DamagedFileError, unreadable
+from physic_bench.damage import DamagedFrameError, damaged_file_error
 
 if TYPE_CHECKING:
     from physic_bench.contract import Frame, PredictedPerson, Prediction, TruePerson, Truth
@@ -23,12 +23,12 @@ def checked_truth(frame: Frame) -> Truth:
     """Return the truth of a frame.
 
     Raises:
-        DamagedFileError: a file is damaged, or a body is not finite, or not in metres.
+        DamagedFrameError: a file is damaged, or a body is not finite, or not in metres.
     """
     try:
         truth = frame.truth()
     except PermissionError as error:
-        raise unreadable(Path(error.filename or frame.id), error) from error
+        raise damaged_file_error(Path(error.filename or frame.id), error) from error
     for person in truth.people:
         who = f"the annotated person {person.name}" if person.name else "the annotated person"
         _check_person(person, who)
@@ -37,7 +37,7 @@ def checked_truth(frame: Frame) -> Truth:
             continue
         distance = float(np.nanmedian(np.linalg.norm(points, axis=-1)))
         if distance > MAX_DISTANCE_M:
-            raise DamagedFileError(f"{who} is {distance:.0f} m from the camera: lengths must be metres")
+            raise DamagedFrameError(f"{who} is {distance:.0f} m from the camera: lengths must be metres")
     return truth
 
 
@@ -45,27 +45,27 @@ def check_prediction(found: Prediction) -> None:
     """Refuse what would make figures NaN; joints may be NaN where a method has none.
 
     Raises:
-        DamagedFileError: an array is not finite, or of another shape.
+        DamagedFrameError: an array is not finite, or of another shape.
     """
     if found.K is not None and not np.isfinite(found.K).all():
-        raise DamagedFileError("the camera K has values that are not finite")
+        raise DamagedFrameError("the camera K has values that are not finite")
     for row, person in enumerate(found.people):
         _check_person(person, f"person {row}")
         if person.joints is not None and not np.isfinite(person.joints).any():
-            raise DamagedFileError(f"no joint of person {row} is finite")
+            raise DamagedFrameError(f"no joint of person {row} is finite")
 
 
 def _check_person(person: PredictedPerson | TruePerson, who: str) -> None:
     for what, points in (("vertices", person.vertices), ("joints", person.joints)):
         if points is not None and (points.ndim != 2 or points.shape[1] != 3):
-            raise DamagedFileError(f"the {what} of {who} must have the shape (n, 3), got {points.shape}")
+            raise DamagedFrameError(f"the {what} of {who} must have the shape (n, 3), got {points.shape}")
     if person.joints is not None and len(person.joints) != len(person.joint_names):
-        raise DamagedFileError(f"{who} has {len(person.joints)} joints, but {len(person.joint_names)} names of joints")
+        raise DamagedFrameError(f"{who} has {len(person.joints)} joints, but {len(person.joint_names)} names of joints")
     if person.vertices is not None and not np.isfinite(person.vertices).all():
         bad = int((~np.isfinite(person.vertices).all(1)).sum())
-        raise DamagedFileError(f"{bad} of the {len(person.vertices)} vertices of {who} are not finite")
+        raise DamagedFrameError(f"{bad} of the {len(person.vertices)} vertices of {who} are not finite")
     mesh = person.contact_topology or person.topology
     if person.contact is not None and len(person.contact) != _COUNT.get(mesh, len(person.contact)):
-        raise DamagedFileError(
+        raise DamagedFrameError(
             f"the contact of {who} has {len(person.contact)} vertices, where {mesh} has {_COUNT[mesh]}"
         )

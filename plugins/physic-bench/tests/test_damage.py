@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from physic_bench.damage import DamagedFileError
+from physic_bench.damage import DamagedFrameError
 from physic_bench.readers import open_reader
 from physic_bench.readers.base import ResultReader
 from physic_core.errors import InputError
@@ -49,7 +49,7 @@ def test_a_reader_of_changed_content_gives_a_result_or_names_the_file(
             require_result_or_reason(reader, frame, file, f"{array} {kind}")
     for size in (0, 10, len(content) // 2, len(content) - 3):
         file.write_bytes(content[:size])
-        with pytest.raises(DamagedFileError, match=file.name):
+        with pytest.raises(DamagedFrameError, match=file.name):
             reader.result(frame)
 
 

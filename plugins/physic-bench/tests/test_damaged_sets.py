@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from physic_bench.contract import Picture
-from physic_bench.damage import DamagedFileError
+from physic_bench.damage import DamagedFrameError
 from physic_bench.datasets.base import read_json
 from physic_bench.datasets.damon import DATA_SET as DAMON
 from physic_bench.datasets.damon import DamonOptions
@@ -39,7 +39,7 @@ def reasons(data_set: Any, root: Path, options: Any, files: Files) -> dict[str, 
     for frame in found.frames:
         try:
             checked_truth(frame)
-        except DamagedFileError as error:
+        except DamagedFrameError as error:
             left_out[frame.id] = str(error)
     return left_out
 
@@ -109,7 +109,7 @@ def test_damaged_labels_of_damon_are_refused(
         arrays = {name: labels[name] for name in ("imgname", "contact_label")}
     change(arrays)
     np.savez(file, **arrays)
-    with pytest.raises(DamagedFileError) as error:
+    with pytest.raises(DamagedFrameError) as error:
         DAMON.frames(damon[0], DamonOptions(), files.bodies)
     assert str(error.value).startswith(str(file))
     assert reason in str(error.value)
@@ -140,6 +140,6 @@ def test_a_file_without_permission_is_not_called_damaged(
 
     monkeypatch.setattr("builtins.open", refused)
     monkeypatch.setattr("io.open", refused)
-    with pytest.raises(DamagedFileError) as error:
+    with pytest.raises(DamagedFrameError) as error:
         read(file)
     assert str(error.value).removeprefix("the picture ") == f"{file} cannot be read: Permission denied"

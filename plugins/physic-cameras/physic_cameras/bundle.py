@@ -22,7 +22,7 @@ from annotated_types import MaxLen, MinLen
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from physic_cameras.rig import NEAREST, Rig, triangulate
+from physic_cameras.rig import NEAREST, CameraRig, triangulate
 from physic_core.types.bounds import Positive, PositiveCount
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ class Matches:
         """Return some of the matches."""
         return Matches(self.views[chosen], self.rays[chosen], self.sigma[chosen])
 
-    def errors(self, cameras: Cameras) -> FloatArray:
+    def errors(self, cameras: CalibratedRig) -> FloatArray:
         """Return first-order distances (m,) from epipolar lines, with signs, in standard deviations."""
         (one, two), rig = self.views.T, cameras.rig
         focal = np.exp(cameras.log_focal)[self.views]
@@ -104,7 +104,7 @@ class Matches:
 
 
 @dataclass(frozen=True)
-class Cameras:
+class CalibratedRig:
     """Poses and focal lengths of V cameras.
 
     Attributes:
@@ -112,7 +112,7 @@ class Cameras:
         log_focal: (V,) logarithm of the factor on the focal length with which rays were made.
     """
 
-    rig: Rig
+    rig: CameraRig
     log_focal: FloatArray
 
     def points(self, sightings: Sightings) -> FloatArray:
@@ -122,7 +122,7 @@ class Cameras:
 
 
 @dataclass(frozen=True)
-class PosePrior:
+class CameraPosePrior:
     """Estimated poses of the V cameras.
 
     Attributes:
@@ -131,13 +131,13 @@ class PosePrior:
         position_sigma: of a coordinate of each camera centre.
     """
 
-    rig: Rig
+    rig: CameraRig
     rotation_sigma: float
     position_sigma: float
 
 
 @dataclass(frozen=True)
-class Problem:
+class BundleProblem:
     """What the cameras are adjusted to.
 
     Attributes:
@@ -152,7 +152,7 @@ class Problem:
     matches: Matches
     focal_sigma: FloatArray
     fixed: BoolArray
-    prior: PosePrior | None = None
+    prior: CameraPosePrior | None = None
 
 
 @dataclass(frozen=True)
@@ -166,13 +166,13 @@ class Adjusted:
         focal_sigma: (V,) of ``log_focal``.
     """
 
-    cameras: Cameras
+    cameras: CalibratedRig
     rotation_sigma: FloatArray
     position_sigma: FloatArray
     focal_sigma: FloatArray
 
 
-def adjust(problem: Problem, start: Cameras, settings: BundleSettings) -> Adjusted:
+def adjust(problem: BundleProblem, start: CalibratedRig, settings: BundleSettings) -> Adjusted:
     """Return the cameras with the least energy near a start."""
     cameras, count = start, 6 * int((~problem.fixed).sum()) + len(start.rig)
     for factor in settings.rounds:
@@ -194,7 +194,7 @@ def adjust(problem: Problem, start: Cameras, settings: BundleSettings) -> Adjust
     return Adjusted(cameras, rotation, position, np.sqrt(variance[6 * len(free) :]))
 
 
-def _moved(cameras: Cameras, x: FloatArray, fixed: BoolArray) -> Cameras:
+def _moved(cameras: CalibratedRig, x: FloatArray, fixed: BoolArray) -> CalibratedRig:
     """Return cameras after a step: turn and centre of each camera that is not fixed, then all focal lengths.
 
     Centres instead of translations: a turn of a camera then leaves it where it is.
@@ -204,11 +204,11 @@ def _moved(cameras: Cameras, x: FloatArray, fixed: BoolArray) -> Cameras:
     rotation, centres = cameras.rig.rotation.copy(), cameras.rig.centres
     rotation[free] = Rotation.from_rotvec(step[:, :3]).as_matrix() @ rotation[free]
     centres[free] += step[:, 3:]
-    rig = Rig(rotation, -np.einsum("vij,vj->vi", rotation, centres))
-    return Cameras(rig, cameras.log_focal + x[6 * len(free) :])
+    rig = CameraRig(rotation, -np.einsum("vij,vj->vi", rotation, centres))
+    return CalibratedRig(rig, cameras.log_focal + x[6 * len(free) :])
 
 
-def _residuals(problem: Problem, start: Cameras, cameras: Cameras) -> FloatArray:
+def _residuals(problem: BundleProblem, start: CalibratedRig, cameras: CalibratedRig) -> FloatArray:
     """Return all residuals (m,), in units of their expected sizes."""
     rig, seen = cameras.rig, problem.sightings
     local = rig.to_cameras(cameras.points(seen))
@@ -237,6 +237,6 @@ def _cauchy(errors: FloatArray) -> FloatArray:
     return loss
 
 
-def _extent(rig: Rig) -> float:
+def _extent(rig: CameraRig) -> float:
     """Return the mean distance of the cameras from their middle."""
     return float(np.linalg.norm(rig.centres - rig.centres.mean(0), axis=1).mean())

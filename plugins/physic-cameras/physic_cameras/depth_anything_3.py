@@ -17,12 +17,12 @@ import numpy as np
 import torch
 from pydantic import Field
 
-from physic_cameras.bundle import Cameras, Matches
+from physic_cameras.bundle import CalibratedRig, Matches
 from physic_cameras.checkpoints import fill
 from physic_cameras.lightglue import MANIFEST
 from physic_cameras.people import shown_people
-from physic_cameras.rig import Rig, known_motion
-from physic_cameras.solution import Evidence, Photo, SolverOptions, skipped_photo, solved
+from physic_cameras.rig import CameraRig, known_motion
+from physic_cameras.solution import Evidence, PhotoWithStart, SolverOptions, skipped_photo, solved
 from physic_core import weights
 from physic_core.adapters.devices import check_device
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw, resize_image
@@ -178,9 +178,9 @@ class DepthAnything3Cameras(CameraSolver):
             views[v] = self._with_focal(views[v], size, matrix)
         chosen = [views[v] for v in shown]
         model = load_body("embedded").to(dtype=torch.float64)
-        cameras = Cameras(_with_known(rig, chosen), np.zeros(len(chosen)))
+        cameras = CalibratedRig(_with_known(rig, chosen), np.zeros(len(chosen)))
         evidence = Evidence(cameras, Matches.none(), self.options.rotation_sigma, self.options.position_share)
-        used = [Photo(v, views[v], shown_people(views[v], model)) for v in shown]
+        used = [PhotoWithStart(v, views[v], shown_people(views[v], model)) for v in shown]
         return solved(views, used, evidence, skipped, self.options, {})
 
     def _with_focal(self, view: MomentView, size: tuple[int, int], matrix: FloatArray) -> MomentView:
@@ -238,7 +238,7 @@ def _nearest_multiple(side: int) -> int:
     return max(_PATCH, _PATCH * ((side + _PATCH // 2) // _PATCH))
 
 
-def _checked(poses: FloatArray, matrices: FloatArray, count: int) -> tuple[Rig, FloatArray]:
+def _checked(poses: FloatArray, matrices: FloatArray, count: int) -> tuple[CameraRig, FloatArray]:
     """Return the cameras of the network, with rotations that are exact.
 
     Raises:
@@ -252,10 +252,10 @@ def _checked(poses: FloatArray, matrices: FloatArray, count: int) -> tuple[Rig, 
         )
     u, _, vt = np.linalg.svd(np.asarray(poses[:, :, :3], np.float64))
     u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
-    return Rig(u @ vt, np.asarray(poses[:, :, 3], np.float64)), np.asarray(matrices, np.float64)
+    return CameraRig(u @ vt, np.asarray(poses[:, :, 3], np.float64)), np.asarray(matrices, np.float64)
 
 
-def _with_known(rig: Rig, views: Sequence[MomentView]) -> Rig:
+def _with_known(rig: CameraRig, views: Sequence[MomentView]) -> CameraRig:
     """Return the cameras in metres, with poses of the user in place of estimated ones, if two or more are known."""
     known = {v: view.pose for v, view in enumerate(views) if view.pose is not None}
     if len(known) < 2:

@@ -19,7 +19,7 @@ from pydantic import Field
 from physic_cameras.disk_lightglue import DiskLightGlue
 from physic_cameras.pairs import PairSettings, chained, known_link, link
 from physic_cameras.people import shown_people
-from physic_cameras.solution import Evidence, Photo, SolverOptions, focal_sigmas, skipped_photo, solved
+from physic_cameras.solution import Evidence, PhotoWithStart, SolverOptions, focal_sigmas, skipped_photo, solved
 from physic_core import weights
 from physic_core.adapters.devices import check_device
 from physic_core.body import load_body
@@ -29,7 +29,7 @@ from physic_core.interfaces import CameraSolver, Options
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from physic_cameras.bundle import Cameras, Matches
+    from physic_cameras.bundle import CalibratedRig, Matches
     from physic_cameras.disk_lightglue import Features, Matcher
     from physic_cameras.people import ShownPeople
     from physic_core.types import FloatArray, MomentView, SolvedCameras
@@ -113,12 +113,12 @@ class LightGlueCameras(CameraSolver):
             for v, view in enumerate(photos)
             if v not in order
         ]
-        used = [Photo(v, photos[v], people[v]) for v in order]
+        used = [PhotoWithStart(v, photos[v], people[v]) for v in order]
         return solved(photos, used, Evidence(cameras, matches), skipped, self.options, {"matched_pixels": counts})
 
     def _best(
         self, photos: Sequence[MomentView], people: Sequence[ShownPeople], pixels: Mapping[tuple[int, int], FloatArray]
-    ) -> tuple[list[int], Cameras, Matches]:
+    ) -> tuple[list[int], CalibratedRig, Matches]:
         """Return the photos of the best tree, their cameras, and their matches.
 
         Essential matrices need focal lengths: those of the photos, and all shorter or longer by their standard

@@ -9,9 +9,17 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from physic_cameras.bundle import BundleSettings, Cameras, Matches, PosePrior, Problem, Sightings, adjust
-from physic_cameras.people import PeopleSettings, ShownPeople, match_people
-from physic_cameras.rig import Rig, known_motion
+from physic_cameras.bundle import (
+    BundleProblem,
+    BundleSettings,
+    CalibratedRig,
+    CameraPosePrior,
+    Matches,
+    Sightings,
+    adjust,
+)
+from physic_cameras.people import PeopleSettings, ShownPeople, match_across_photos
+from physic_cameras.rig import CameraRig, known_motion
 from physic_cameras.solution import fixed_cameras, focal_sigmas
 from physic_core.types.bounds import Positive, PositiveCount
 
@@ -102,9 +110,9 @@ def link(
     count, rotation, translation, _ = cv2.recoverPose(essential, one, two, np.eye(3), mask=near)
     if count < settings.inliers:
         return None
-    rig = Rig(np.stack([np.eye(3), rotation]), np.stack([np.zeros(3), translation[:, 0]]))
+    rig = CameraRig(np.stack([np.eye(3), rotation]), np.stack([np.zeros(3), translation[:, 0]]))
     seen = [photo.with_focal(factor) for photo, factor in zip(people, focal.tolist(), strict=True)]
-    matched = match_people(seen, rig, replace(who, keypoint=_ROUGH * who.keypoint))
+    matched = match_across_photos(seen, rig, replace(who, keypoint=_ROUGH * who.keypoint))
     if not len(matched.rows):
         return None
     matches = Matches(np.tile([0, 1], (len(rays), 1)), rays, np.full(len(rays), settings.error_px * unit))
@@ -113,7 +121,7 @@ def link(
 
 def chained(
     links: Mapping[tuple[int, int], Link], views: Sequence[MomentView], log_focal: FloatArray, bundle: BundleSettings
-) -> tuple[list[int], Cameras, Matches]:
+) -> tuple[list[int], CalibratedRig, Matches]:
     """Return the photos of the tree with most matches, their cameras, and all matches between them.
 
     Known motions come first. The cameras start from the motions along the tree, and are adjusted to the matches. Photos
@@ -128,14 +136,16 @@ def chained(
     size = {pair: np.inf if one.is_known else len(one.matches.sigma) for pair, one in links.items()}
     linked = [sum(n for pair, n in size.items() if v in pair) for v in range(len(views))]
     order = [int(np.argmax(linked))]
-    rig = Rig(np.eye(3)[None], np.zeros((1, 3)))
+    rig = CameraRig(np.eye(3)[None], np.zeros((1, 3)))
     while reach := {pair: n for pair, n in size.items() if (pair[0] in order) != (pair[1] in order)}:
         a, b = max(reach, key=lambda pair: reach[pair])
         rotation, translation = links[a, b].rotation, links[a, b].translation
         if b in order:
             a, b, rotation, translation = b, a, rotation.T, -rotation.T @ translation
         rotation, translation = rig.joined(order.index(a), rotation, translation)
-        rig = Rig(np.concatenate([rig.rotation, rotation[None]]), np.concatenate([rig.translation, translation[None]]))
+        rig = CameraRig(
+            np.concatenate([rig.rotation, rotation[None]]), np.concatenate([rig.translation, translation[None]])
+        )
         order.append(b)
     used = {pair: one for pair, one in links.items() if pair[0] in order}
     matches = Matches(
@@ -146,8 +156,8 @@ def chained(
         np.concatenate([one.matches.sigma for one in used.values()]),
     )
     # Matched pixels do not compare the lengths of two motions: those that people tell stay nearly.
-    prior = PosePrior(rig, _ROUGH_TURN, _ROUGH_LENGTH * float(np.linalg.norm(rig.centres, axis=1).mean()))
+    prior = CameraPosePrior(rig, _ROUGH_TURN, _ROUGH_LENGTH * float(np.linalg.norm(rig.centres, axis=1).mean()))
     chosen = [views[v] for v in order]
     fixed = fixed_cameras(chosen, 0)
-    problem = Problem(Sightings.none(len(order)), matches, focal_sigmas(chosen), fixed, prior)
-    return order, adjust(problem, Cameras(rig, log_focal[order]), bundle).cameras, matches
+    problem = BundleProblem(Sightings.none(len(order)), matches, focal_sigmas(chosen), fixed, prior)
+    return order, adjust(problem, CalibratedRig(rig, log_focal[order]), bundle).cameras, matches

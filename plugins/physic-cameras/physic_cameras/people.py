@@ -23,7 +23,7 @@ from physic_core.types.bounds import Degrees, Positive, Share
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from physic_cameras.rig import Rig
+    from physic_cameras.rig import CameraRig
     from physic_core.body.model import BodyModel
     from physic_core.types import BoolArray, FloatArray, IntArray, MomentView
 
@@ -131,7 +131,7 @@ class _Pair:
     log_scale: float
 
 
-def match_people(photos: Sequence[ShownPeople], rig: Rig, settings: PeopleSettings) -> MatchedPeople:
+def match_across_photos(photos: Sequence[ShownPeople], rig: CameraRig, settings: PeopleSettings) -> MatchedPeople:
     """Return who is who, with the scale at which most people match best.
 
     Args:
@@ -161,7 +161,7 @@ def log_size_ratio(landmarks: FloatArray, points: FloatArray) -> float:
     return float(np.median(np.log(np.maximum(body, NEAREST) / np.maximum(own, 1e-9))))
 
 
-def keypoint_errors(rays: FloatArray, local: FloatArray, size: FloatArray) -> FloatArray:
+def ray_errors(rays: FloatArray, local: FloatArray, size: FloatArray) -> FloatArray:
     """Return distances (...) of points (..., 3) in camera frames from rays (..., 2), as a share of the stature."""
     seen = local[..., :2] / np.maximum(local[..., 2:], NEAREST)
     errors: FloatArray = np.linalg.norm(seen - rays, axis=-1) / size
@@ -169,7 +169,7 @@ def keypoint_errors(rays: FloatArray, local: FloatArray, size: FloatArray) -> Fl
 
 
 def _fit(
-    photos: tuple[ShownPeople, ShownPeople], people: tuple[int, int], rig: Rig, settings: PeopleSettings
+    photos: tuple[ShownPeople, ShownPeople], people: tuple[int, int], rig: CameraRig, settings: PeopleSettings
 ) -> _Pair | None:
     """Return how well two people of two photos can be the same; None if they cannot."""
     rays = np.stack([photo.rays[i] for photo, i in zip(photos, people, strict=True)])
@@ -186,7 +186,7 @@ def _fit(
     cosine = (towards[0] * towards[1]).sum(-1) / np.linalg.norm(towards, axis=-1).prod(0)
     if (np.median(local[..., 2], axis=1) <= 0).any() or np.median(cosine) > np.cos(np.radians(settings.parallax)):
         return None
-    error = np.median(keypoint_errors(rays, local, size[:, None]).max(0)) / settings.keypoint
+    error = np.median(ray_errors(rays, local, size[:, None]).max(0)) / settings.keypoint
     logs = [log_size_ratio(body, own) for body, own in zip(landmarks, local, strict=True)]
     shape = max(
         _distance(np.exp(log) * own, body) / settings.shape

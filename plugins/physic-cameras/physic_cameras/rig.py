@@ -17,7 +17,7 @@ NEAREST = 1e-3
 
 
 @dataclass(frozen=True)
-class Rig:
+class CameraRig:
     """Poses of V cameras: a point x of the common frame is ``rotation[v] @ x + translation[v]`` in camera v.
 
     Attributes:
@@ -42,18 +42,18 @@ class Rig:
         local: FloatArray = np.einsum("vij,nj->vni", self.rotation, points) + self.translation[:, None]
         return local
 
-    def relative_to(self, camera: int) -> Rig:
+    def relative_to(self, camera: int) -> CameraRig:
         """Return the same cameras in the frame of one of them."""
         turn = self.rotation @ self.rotation[camera].T
-        return Rig(turn, self.translation - np.einsum("vij,j->vi", turn, self.translation[camera]))
+        return CameraRig(turn, self.translation - np.einsum("vij,j->vi", turn, self.translation[camera]))
 
-    def scaled(self, factor: float) -> Rig:
+    def scaled(self, factor: float) -> CameraRig:
         """Return the same cameras with all lengths multiplied."""
         return replace(self, translation=factor * self.translation)
 
-    def of(self, cameras: Sequence[int]) -> Rig:
+    def of(self, cameras: Sequence[int]) -> CameraRig:
         """Return some of the cameras."""
-        return Rig(self.rotation[list(cameras)], self.translation[list(cameras)])
+        return CameraRig(self.rotation[list(cameras)], self.translation[list(cameras)])
 
     def joined(self, camera: int, rotation: FloatArray, translation: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the pose in the common frame of a camera whose pose in the frame of one of these is known."""
@@ -66,7 +66,7 @@ def known_motion(one: FloatArray, two: FloatArray) -> tuple[FloatArray, FloatArr
     return motion[:3, :3], motion[:3, 3]
 
 
-def triangulate(rays: FloatArray, weight: FloatArray, rig: Rig) -> FloatArray:
+def triangulate(rays: FloatArray, weight: FloatArray, rig: CameraRig) -> FloatArray:
     """Return the points (n, 3) that cameras see: least squares of the errors of their rays.
 
     Args:

@@ -9,8 +9,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import Field
 
-from physic_cameras.bundle import Adjusted, BundleSettings, Cameras, Matches, PosePrior, Problem, Sightings, adjust
-from physic_cameras.people import PeopleSettings, ShownPeople, log_size_ratio, match_people
+from physic_cameras.bundle import (
+    Adjusted,
+    BundleProblem,
+    BundleSettings,
+    CalibratedRig,
+    CameraPosePrior,
+    Matches,
+    Sightings,
+    adjust,
+)
+from physic_cameras.people import PeopleSettings, ShownPeople, log_size_ratio, match_across_photos
 from physic_core.errors import InputError
 from physic_core.interfaces import Options
 from physic_core.types import CameraTrust, SkippedPhoto, SolvedCameras
@@ -37,7 +46,7 @@ class SolverOptions(Options):
 
 
 @dataclass(frozen=True)
-class Photo:
+class PhotoWithStart:
     """A photo whose camera has a start.
 
     Attributes:
@@ -62,7 +71,7 @@ class Evidence:
         position_share: of their camera centres, as a share of the mean distance between cameras; the same.
     """
 
-    cameras: Cameras
+    cameras: CalibratedRig
     matches: Matches
     rotation_sigma: float = np.inf
     position_share: float = np.inf
@@ -73,17 +82,17 @@ class Evidence:
         number[list(views)] = np.arange(len(views))
         both = np.asarray((number[self.matches.views] >= 0).all(1))
         matches = replace(self.matches.of(both), views=number[self.matches.views[both]])
-        cameras = Cameras(self.cameras.rig.of(views), self.cameras.log_focal[list(views)])
+        cameras = CalibratedRig(self.cameras.rig.of(views), self.cameras.log_focal[list(views)])
         return replace(self, cameras=cameras, matches=matches)
 
-    def prior(self, start: Cameras, reference: int) -> PosePrior | None:
+    def prior(self, start: CalibratedRig, reference: int) -> CameraPosePrior | None:
         """Return the poses as evidence, at the scale of a start."""
         if not np.isfinite(self.rotation_sigma):
             return None
         own = self.cameras.rig.relative_to(reference)
         extent, before = (float(np.linalg.norm(rig.centres, axis=1).sum()) for rig in (start.rig, own))
         sigma = self.position_share * extent / (len(own) - 1)
-        return PosePrior(own.scaled(extent / before), self.rotation_sigma, sigma)
+        return CameraPosePrior(own.scaled(extent / before), self.rotation_sigma, sigma)
 
 
 def focal_sigmas(views: Sequence[MomentView]) -> FloatArray:
@@ -111,7 +120,7 @@ def skipped_photo(index: int, view: MomentView, reason: str, why: str) -> Skippe
 
 def solved(
     views: Sequence[MomentView],
-    photos: Sequence[Photo],
+    photos: Sequence[PhotoWithStart],
     evidence: Evidence,
     skipped: Sequence[SkippedPhoto],
     options: SolverOptions,
@@ -134,7 +143,7 @@ def solved(
     rows: IntArray = np.zeros((0, len(photos)), np.int64)
     for _ in range(_ROUNDS):
         factors = np.exp(cameras.log_focal).tolist()
-        matched = match_people(
+        matched = match_across_photos(
             [photo.people.with_focal(factor) for photo, factor in zip(photos, factors, strict=True)],
             cameras.rig,
             options.people,
@@ -153,7 +162,7 @@ def solved(
             return solved(views, rest, evidence.of(kept), [*skipped, *more], options, diagnostics)
         reference = _reference(rows, photos)
         rig = cameras.rig.scaled(1.0 if _scale_is_known(photos) else matched.scale).relative_to(reference)
-        start = Cameras(rig, cameras.log_focal)
+        start = CalibratedRig(rig, cameras.log_focal)
         adjusted, points = _adjusted(rows, photos, start, reference, evidence, options)
         cameras = adjusted.cameras
     factor, scale_sigma = (1.0, 0.0) if _scale_is_known(photos) else _scale(rows, photos, points, options)
@@ -186,7 +195,7 @@ def solved(
     )
 
 
-def _no_shared_person(photos: Sequence[Photo], skipped: Sequence[SkippedPhoto]) -> str:
+def _no_shared_person(photos: Sequence[PhotoWithStart], skipped: Sequence[SkippedPhoto]) -> str:
     names = [photo.view.name for photo in photos]
     rest = "".join(f"; {one.message}" for one in skipped)
     return (
@@ -196,7 +205,7 @@ def _no_shared_person(photos: Sequence[Photo], skipped: Sequence[SkippedPhoto]) 
     )
 
 
-def _reference(rows: IntArray, photos: Sequence[Photo]) -> int:
+def _reference(rows: IntArray, photos: Sequence[PhotoWithStart]) -> int:
     """Return the photo that shows most people, and of several the one that shows most of their keypoints.
 
     Photos of known pose come first.
@@ -209,15 +218,15 @@ def _reference(rows: IntArray, photos: Sequence[Photo]) -> int:
     return max(range(len(photos)), key=rank)
 
 
-def _scale_is_known(photos: Sequence[Photo]) -> bool:
+def _scale_is_known(photos: Sequence[PhotoWithStart]) -> bool:
     """Return whether two poses are known."""
     return sum(photo.view.pose is not None for photo in photos) > 1
 
 
 def _adjusted(
     rows: IntArray,
-    photos: Sequence[Photo],
-    start: Cameras,
+    photos: Sequence[PhotoWithStart],
+    start: CalibratedRig,
     reference: int,
     evidence: Evidence,
     options: SolverOptions,
@@ -232,12 +241,14 @@ def _adjusted(
     sightings = Sightings(rays.reshape(len(photos), -1, 2), weight.reshape(len(photos), -1))
     views = [photo.view for photo in photos]
     prior = evidence.prior(start, reference)
-    problem = Problem(sightings, evidence.matches, focal_sigmas(views), fixed_cameras(views, reference), prior)
+    problem = BundleProblem(sightings, evidence.matches, focal_sigmas(views), fixed_cameras(views, reference), prior)
     found = adjust(problem, start, options.bundle)
     return found, found.cameras.points(sightings).reshape(*rays.shape[1:3], 3)
 
 
-def _scale(rows: IntArray, photos: Sequence[Photo], points: FloatArray, options: SolverOptions) -> tuple[float, float]:
+def _scale(
+    rows: IntArray, photos: Sequence[PhotoWithStart], points: FloatArray, options: SolverOptions
+) -> tuple[float, float]:
     """Return the factor that gives people their sizes, and the standard deviation of its logarithm.
 
     It is the median over people, of known statures only if there are any.

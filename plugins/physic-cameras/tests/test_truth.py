@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from physic_cameras.bundle import Cameras, Matches
+from physic_cameras.bundle import CalibratedRig, Matches
 from physic_cameras.depth_anything_3 import DepthAnything3Cameras
 from physic_cameras.lightglue import LightGlueCameras
-from physic_cameras.rig import Rig, triangulate
+from physic_cameras.rig import CameraRig, triangulate
 from physic_core.errors import BackendError, InputError
 from physic_core.types import CameraTrust, MomentView, SolvedCameras
 from physic_testing.conformance.cases import build_case
@@ -208,7 +208,7 @@ def test_three_cameras_triangulate_points() -> None:
     rotation *= np.linalg.det(rotation)[:, None, None]
     rotation *= np.sign(rotation[:, 2, 2])[:, None, None]
     rotation[:, 0] *= np.linalg.det(rotation)[:, None]
-    rig = Rig(rotation, np.array([[0.0, 0, 6], [1, 0, 6], [0, 1, 7]]))
+    rig = CameraRig(rotation, np.array([[0.0, 0, 6], [1, 0, 6], [0, 1, 7]]))
     points = rng.uniform(-1, 1, (5, 3))
     local = rig.to_cameras(points)
     weight = np.ones((3, 5))
@@ -220,8 +220,8 @@ def test_three_cameras_triangulate_points() -> None:
 
 def test_errors_of_matches_are_pixels_from_the_epipolar_line() -> None:
     """A pure motion along x: lines are horizontal, and a point one unit below its line is 1 / sqrt(2) off."""
-    rig = Rig(np.stack([np.eye(3)] * 2), np.array([[0.0, 0, 0], [1, 0, 0]]))
+    rig = CameraRig(np.stack([np.eye(3)] * 2), np.array([[0.0, 0, 0], [1, 0, 0]]))
     rays = np.array([[[0.1, 0.0], [0.3, 0.0]], [[0.1, 0.0], [0.3, 0.01]]])
     matches = Matches(np.array([[0, 1], [0, 1]]), rays, np.full(2, 0.001))
-    found = np.abs(matches.errors(Cameras(rig, np.zeros(2))))
+    found = np.abs(matches.errors(CalibratedRig(rig, np.zeros(2))))
     np.testing.assert_allclose(found, [0, 10 / np.sqrt(2)], atol=1e-9)

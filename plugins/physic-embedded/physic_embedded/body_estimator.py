@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel
     from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People, Skeleton
-    from physic_embedded.body_fit.fit import BodyFit
-    from physic_embedded.body_fit.observations import Observations
+    from physic_embedded.body_fit.fit import FittedBodies
+    from physic_embedded.body_fit.observations import BodyObservations
     from physic_embedded.body_fit.problem import FitSettings, InitialPose
 
     BoolArray = NDArray[np.bool_]
@@ -121,13 +121,13 @@ class EmbeddedBodies(BodyEstimator):
 
     def _on_floor(
         self,
-        fit: BodyFit,
-        observations: Observations,
+        fit: FittedBodies,
+        observations: BodyObservations,
         camera: FloatArray,
         skeleton: Skeleton,
         settings: FitSettings,
         up: FloatArray,
-    ) -> BodyFit:
+    ) -> FittedBodies:
         """Repeat the fit with a known floor: feet level, and standing people upright.
 
         The landmarks are turned back by the lean before the fit. Turning the finished body instead would not do: its
@@ -168,8 +168,8 @@ class EmbeddedBodies(BodyEstimator):
 
 
 def _fit_with_world_landmarks(
-    model: BodyModel, observations: Observations, camera: FloatArray, skeleton: Skeleton, settings: FitSettings
-) -> BodyFit:
+    model: BodyModel, observations: BodyObservations, camera: FloatArray, skeleton: Skeleton, settings: FitSettings
+) -> FittedBodies:
     """Fit bodies to keypoints and 3D landmarks, starting from the pose of the landmarks."""
     from physic_embedded.body_fit.fit import fit_bodies
     from physic_embedded.body_fit.problem import InitialPose
@@ -188,7 +188,7 @@ def _fit_with_world_landmarks(
     )
 
 
-def _restart(fit: BodyFit, observations: Observations, turn: FloatArray, upright: BoolArray) -> InitialPose:
+def _restart(fit: FittedBodies, observations: BodyObservations, turn: FloatArray, upright: BoolArray) -> InitialPose:
     """Return initial poses from a finished fit: people rotated about the x axis of their view, with straighter legs
     where upright.
 

@@ -14,7 +14,7 @@ from physic_core.interfaces import Options, Segmenter
 from physic_core.types import People
 from physic_embedded.keypoint_detector import keypoints_from_poses
 from physic_embedded.networks.ade20k import label_surfaces
-from physic_embedded.networks.mobile_sam import encode_image
+from physic_embedded.networks.mobile_sam import embed_image
 from physic_embedded.networks.sessions import PackagedNetworks, Products
 from physic_embedded.segmentation.chosen import Scenery, choose_poses
 from physic_embedded.segmentation.cut_heads import doubt_cut_heads
@@ -134,7 +134,7 @@ class EmbeddedSegmenter(Segmenter):
             surfaces = self._surfaces(image, empty_mask)
             floor = _with_labelled_floor(empty_mask, surfaces, empty_mask) if options.floor else None
             return self._people([], np.zeros((0, *empty_mask.shape), bool), floor, surfaces, image)
-        embedding = encode_image(networks["mobilesam_encoder"], image)
+        embedding = embed_image(networks["mobilesam_encoder"], image)
         masks = self._masks(embedding, [person.pose for person in found])
         if prompt is not None:
             scenery = Scenery(

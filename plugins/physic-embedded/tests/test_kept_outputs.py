@@ -11,14 +11,14 @@ from physic_core.cache.network_results import network_results_in
 from physic_core.cache.result_cache import ResultCache
 from physic_embedded.networks.depth_anything import predict_disparity
 from physic_embedded.networks.line_segments import detect_line_segments
-from physic_embedded.networks.mobile_sam import encode_image
+from physic_embedded.networks.mobile_sam import embed_image
 from physic_embedded.networks.sessions import open_packaged_session
 
 IMAGE = np.random.default_rng(0).integers(0, 255, (60, 80, 3), np.uint8)
 NETWORKS = {
     "depth_anything_v2_vits_int8": lambda session: predict_disparity(session, IMAGE, short_side=70),
     "mlsd_large_512": lambda session: detect_line_segments(session, IMAGE),
-    "mobilesam_encoder": lambda session: encode_image(session, IMAGE).features,
+    "mobilesam_encoder": lambda session: embed_image(session, IMAGE).features,
 }
 
 

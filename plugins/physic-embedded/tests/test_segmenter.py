@@ -13,10 +13,10 @@ from physic_core.adapters.people import boxes_from_masks
 from physic_core.interfaces import Segmenter
 from physic_core.types import SurfaceLabels
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare, letterbox_square
-from physic_embedded.networks.mobile_sam import ImageEmbedding, encode_image, predict_masks
+from physic_embedded.networks.mobile_sam import ImageEmbedding, embed_image, predict_masks
 from physic_embedded.networks.pose import MIRROR_PAIRS, Pose, average_agreeing
 from physic_embedded.networks.sessions import open_packaged_session
-from physic_embedded.networks.single_shot_detection import Detection, anchor_centers, decode_detections
+from physic_embedded.networks.single_shot_detection import BoxDetection, anchor_centers, decode_detections
 from physic_embedded.networks.tiles import tiles
 from physic_embedded.segmentation.floor_mask import add_labelled_floor, ground_points
 from physic_embedded.segmentation.people import (
@@ -137,8 +137,8 @@ def test_tiles_cover_the_photo_and_stay_on_it(width: int, height: int, fraction:
 
 
 def test_candidates_on_one_body_are_merged_and_neighbours_are_not() -> None:
-    def person(x: float, score: float) -> Detection:
-        return Detection(np.array([x - 20, 0, x + 20, 40.0]), np.array([[x, 100.0], [x, 0.0]]), score)
+    def person(x: float, score: float) -> BoxDetection:
+        return BoxDetection(np.array([x - 20, 0, x + 20, 40.0]), np.array([[x, 100.0], [x, 0.0]]), score)
 
     kept = merge_candidates([person(0, 0.6), person(30, 0.9), person(120, 0.5)])
     assert [d.score for d in kept] == [0.9, 0.5]
@@ -212,7 +212,7 @@ def test_the_mask_of_an_ellipse_is_that_ellipse() -> None:
     truth = np.zeros((300, 400), np.uint8)
     cv2.ellipse(truth, (170, 160), (90, 50), 25, 0, 360, 1, -1)
     image[truth > 0] = (190, 40, 30)
-    embedding = encode_image(open_packaged_session("mobilesam_encoder", 1), image)
+    embedding = embed_image(open_packaged_session("mobilesam_encoder", 1), image)
     answer = predict_masks(
         open_packaged_session("mobilesam_decoder", 1), embedding, np.array([[170, 160.0]]), np.zeros((0, 2))
     )
@@ -225,7 +225,7 @@ def test_the_mask_of_an_ellipse_is_that_ellipse() -> None:
 def test_features_far_from_a_photo_are_those_of_an_empty_image(shape: tuple[int, int]) -> None:
     encoder = open_packaged_session("mobilesam_encoder_int8", threads=1)
     noise = np.random.default_rng(0).integers(0, 255, (*shape, 3), np.uint8)
-    one, other = (encode_image(encoder, photo).features for photo in (noise, 255 - noise))
+    one, other = (embed_image(encoder, photo).features for photo in (noise, 255 - noise))
     # A cell is 16 px of the frame; up to 79 px beside the photo are computed with it.
     rows, columns = (-(-length * 64 // max(shape)) + 5 for length in shape)
     assert one.shape == (1, 256, 64, 64)

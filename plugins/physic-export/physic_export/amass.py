@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.body.model import BodyModel
-    from physic_core.visual.export.request import Frame
+    from physic_core.visual.export.request import ExportFrame
 
 _FRAME_RATE = 30.0
 """Frames per second of the one frame; Blender's add-on refuses less than its target rate, 30 by default."""
@@ -121,7 +121,7 @@ def _smplx_parameters(request: ExportRequest, file: Path) -> tuple[BodyModel, Bo
     return model.to(dtype=torch.float64), found.bodies.parameters, errors
 
 
-def _arrays(model: BodyModel, person: BodyParameters, frame: Frame, gender: str) -> dict[str, NDArray[Any]]:
+def _arrays(model: BodyModel, person: BodyParameters, frame: ExportFrame, gender: str) -> dict[str, NDArray[Any]]:
     """Return the arrays of the file of one person."""
     shape = torch.from_numpy(np.concatenate([person.betas, person.expression], 1).astype(np.float64))
     pelvis = model.kinematics.rest_joints(shape)[0, 0].numpy()

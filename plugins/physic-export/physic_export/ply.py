@@ -14,7 +14,7 @@ from physic_export.skins import Skins, skins_of
 
 if TYPE_CHECKING:
     from physic_core.types import Plane
-    from physic_core.visual.export.request import Frame
+    from physic_core.visual.export.request import ExportFrame
 
 _VERTEX = np.dtype(
     [
@@ -92,7 +92,7 @@ def _header(request: ExportRequest, skins: Skins, vertices: int, faces: int) -> 
     return "\n".join(lines).encode("ascii")
 
 
-def _plane(frame: Frame, floor: Plane) -> str:
+def _plane(frame: ExportFrame, floor: Plane) -> str:
     """Return the floor as an equation in the frame."""
     normal = frame.from_camera[:3, :3] @ np.asarray(floor.normal, np.float64)
     offset = floor.offset - float(normal @ frame.from_camera[:3, 3])

@@ -27,7 +27,7 @@ from physic_human.checkout_backend import (
 )
 from physic_human.crop_camera import camerahmr_inputs, translation_from_crop
 from physic_human.smpl_checkout import SmplCheckoutBackend, SmplCheckoutOptions
-from physic_human.user_smpl import open_smpl, posed_bodies
+from physic_human.user_smpl import open_smpl, pose_smpl_bodies
 
 if TYPE_CHECKING:
     from physic_core.body.files.smpl import SmplBody
@@ -141,7 +141,7 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
             for to, what in zip((rotations, betas, weak), one, strict=True):
                 to.append(what)
         place = translation_from_crop(np.concatenate(weak), centres, sides, intrinsics)
-        bodies = posed_bodies(body, np.concatenate(rotations), np.concatenate(betas), place)
+        bodies = pose_smpl_bodies(body, np.concatenate(rotations), np.concatenate(betas), place)
         return replace(
             bodies, observed=observed_joints(keypoints, image.shape[0], image.shape[1], self.options.seen_confidence)
         )

@@ -62,7 +62,7 @@ def load_rest_mesh(path: str) -> RestMesh | None:
     return open_smpl(path).rest if path else None
 
 
-def posed_bodies(body: SmplBody, rotations: FloatArray, betas: FloatArray, transl: FloatArray) -> Bodies:
+def pose_smpl_bodies(body: SmplBody, rotations: FloatArray, betas: FloatArray, transl: FloatArray) -> Bodies:
     """Pose the SMPL model for N people, and return joints and mesh; people with non-finite parameters stay NaN.
 
     Args:

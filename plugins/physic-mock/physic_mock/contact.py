@@ -11,7 +11,7 @@ from pydantic import Field
 from physic_core import interfaces
 from physic_core.types import Bodies, ContactProbability
 from physic_mock.noise import seeded_rng, smooth_field
-from physic_mock.recognition import MockOptions, match_people, recognise_world
+from physic_mock.recognition import MockOptions, match_masks_to_world, recognise_world
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, People, UInt8Array
@@ -74,7 +74,7 @@ class MockContactPrior(interfaces.ContactPrior):
         from physic_core.body.convert.bodies import rest_mesh_of_model
 
         found = recognise_world(image)
-        rows = match_people(found, people)
+        rows = match_masks_to_world(found, people)
         if self.options.fixed_parts and self.options.noise > 0 and bodies.body_model == found.world.body_model:
             return ContactProbability(_fixed_parts(found.world, bodies), found.world.topology)
         every = np.stack([_probability(found.world, i, self.options) for i in range(len(found.world.vertices))])

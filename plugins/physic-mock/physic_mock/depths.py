@@ -14,7 +14,7 @@ from physic_core.types import DepthMap, Pointmap
 from physic_mock.depth_noise import add_hole_noise, add_smooth_noise, blur_depth_edges, flatten_relief
 from physic_mock.fill import fill_from_surroundings
 from physic_mock.noise import scale_to_image, seeded_rng
-from physic_mock.recognition import MockOptions, RecognisedWorld, match_people, recognise_world
+from physic_mock.recognition import MockOptions, RecognisedWorld, match_masks_to_world, recognise_world
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Hints, Intrinsics, UInt8Array
@@ -325,7 +325,7 @@ def _distance_error(found: RecognisedWorld, hints: Hints) -> float:
     world = found.world
     if hints.bodies.body_model != world.body_model or not len(hints.people):
         return 1.0
-    rows = match_people(replace(found, present=np.ones(len(world.masks), bool)), hints.people)
+    rows = match_masks_to_world(replace(found, present=np.ones(len(world.masks), bool)), hints.people)
     true = world.joints[rows, 0, 2].astype(np.float64)
     own = true + hints.bodies.parameters.transl[:, 2] - world.parameters.transl[rows, 2]
     return float(np.exp(np.mean(np.log(np.maximum(own, 0.1 * true) / true))))

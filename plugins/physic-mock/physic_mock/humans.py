@@ -23,7 +23,7 @@ from physic_mock.body_noise import (
     local_rotations,
 )
 from physic_mock.noise import add_rotation_noise, bernoulli, seeded_rng
-from physic_mock.recognition import MockOptions, match_people, recognise_world
+from physic_mock.recognition import MockOptions, match_masks_to_world, recognise_world
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Hints, Intrinsics, Keypoints, People, UInt8Array
@@ -138,7 +138,7 @@ class MockBodyEstimator(interfaces.BodyEstimator):
         """
         options = self.options
         found = recognise_world(image)
-        rows = match_people(found, people)
+        rows = match_masks_to_world(found, people)
         world, rng = found.world, seeded_rng(found.world, options.noise_seed, "bodies")
         truth, count = world.parameters, len(world.vertices)
         placed = _noisy_translations(world, options, rng, intrinsics)
@@ -302,7 +302,7 @@ class MockHandEstimator(interfaces.HandEstimator):
         """
         options = self.options
         found = recognise_world(image)
-        rows = match_people(found, people)
+        rows = match_masks_to_world(found, people)
         rng = seeded_rng(found.world, options.noise_seed, "hands")
         truth = found.world.parameters
         both = np.stack([truth.left_hand_pose, truth.right_hand_pose], axis=1).reshape(-1, 2, 15, 3)

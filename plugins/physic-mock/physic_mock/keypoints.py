@@ -11,7 +11,7 @@ from physic_core import interfaces
 from physic_core.adapters.detections import box_iou
 from physic_core.types import Keypoints, skeleton_named
 from physic_mock.noise import bernoulli, seeded_rng
-from physic_mock.recognition import MockOptions, match_people, recognise_world
+from physic_mock.recognition import MockOptions, match_masks_to_world, recognise_world
 from physic_testing.conformance.true_keypoints import world_keypoints
 from physic_testing.worlds import SKELETONS
 
@@ -89,7 +89,7 @@ class MockKeypointDetector(interfaces.KeypointDetector):
         """
         options = self.options
         found = recognise_world(image)
-        rows = match_people(found, people)
+        rows = match_masks_to_world(found, people)
         rng = seeded_rng(found.world, options.noise_seed, "keypoints")
         skeleton = SKELETONS.get(options.skeleton) or skeleton_named(options.skeleton)
         truth, visible = world_keypoints(found.world, skeleton)

@@ -123,7 +123,7 @@ def _find_remaining(world: World, photo: BoolArray, empty: BoolArray, shown: Boo
     return RecognisedWorld(world, people, items, present)
 
 
-def match_people(recognised: RecognisedWorld, people: People) -> list[int]:
+def match_masks_to_world(recognised: RecognisedWorld, people: People) -> list[int]:
     """Return the index of the world's person for each input mask.
 
     Raises:

@@ -14,7 +14,13 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.joint.acceptance import Energy, energy_per_person, total_energy
-from physic_core.engine.joint.optimiser import Block, MinimisationResult, OptimiserSettings, StepProgress, join_results
+from physic_core.engine.joint.optimiser import (
+    BlockResult,
+    MinimisationResult,
+    OptimiserSettings,
+    StepProgress,
+    join_results,
+)
 from physic_core.types.bounds import Count, Positive, PositiveCount
 
 _RATE_CUTS = 2  # restarts with a tenth of the learning rate, for people whose energy has only increased
@@ -31,7 +37,7 @@ class AdamSettings(OptimiserSettings):
     learning_rate: Positive = 1e-2
     """Step size of the raw parameters."""
 
-    def start(self, energy: Energy, groups: Tensor | None = None) -> Callable[[int], Block]:
+    def start(self, energy: Energy, groups: Tensor | None = None) -> Callable[[int], BlockResult]:
         """Return a function that takes steps; the moments are kept over updates."""
         parameters = energy.state.parameters()
         optimiser = torch.optim.Adam(parameters, lr=self.learning_rate) if parameters else None
@@ -52,7 +58,7 @@ class AdamSettings(OptimiserSettings):
         return result
 
 
-def _take_steps(energy: Energy, optimiser: torch.optim.Adam | None, steps: int) -> Block:
+def _take_steps(energy: Energy, optimiser: torch.optim.Adam | None, steps: int) -> BlockResult:
     """Take Adam steps between two refreshes; steps may raise the energy.
 
     People with non-finite gradients return to the previous step and are kept there until the next refresh.
@@ -79,7 +85,7 @@ def _take_steps(energy: Energy, optimiser: torch.optim.Adam | None, steps: int) 
     broken = _differentiate(energy, parameters)
     if bool(broken.any()):
         state.load_people(good, broken)
-    return Block(taken + 1, taken)
+    return BlockResult(taken + 1, taken)
 
 
 def _differentiate(energy: Energy, parameters: list[Tensor]) -> Tensor:

@@ -57,7 +57,7 @@ from physic_core.types.bounds import NotNegative
 from physic_paper.adam import AdamSettings
 from physic_paper.grid_search import GridSearch
 from physic_paper.published import PublishedOptimisation
-from physic_paper.terms.chamfer import ChamferSettings, ChamferTerm
+from physic_paper.terms.chamfer import ChamferDepthTerm, ChamferSettings
 from physic_paper.terms.point_contact import PointContactSettings, PointContactTerm
 from physic_paper.terms.point_penetration import PointPenetrationSettings, PointPenetrationTerm
 from physic_paper.terms.printed_regularisation import PrintedRegularisationSettings, PrintedRegularisationTerm
@@ -152,7 +152,7 @@ class PaperOptimisation(PublishedOptimisation):
         size = context.person_px.new_tensor([[width, height]]).expand(len(context.problem), 2)
         return [
             ReprojectionTerm(context, self.reprojection.weight, size, _square),
-            ChamferTerm(self.depth, context),
+            ChamferDepthTerm(self.depth, context),
             PointContactTerm(context, self.contact.weight, CONTACT_RANGE_M, _barron),
             PointPenetrationTerm(
                 self.penetration,

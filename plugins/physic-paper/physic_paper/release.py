@@ -42,7 +42,7 @@ from physic_paper.paper import CONTACT_RANGE_M, PaperOptimisation, PaperReprojec
 from physic_paper.released.regularisation import ReleasedRegularisationTerm
 from physic_paper.released.reprojection import ReleasedReprojectionTerm, released_keypoints
 from physic_paper.released.visibility import update_released_visibility
-from physic_paper.terms.chamfer import ChamferTerm, human_points_of
+from physic_paper.terms.chamfer import ChamferDepthTerm, human_points_of
 from physic_paper.terms.point_contact import PointContactTerm
 from physic_paper.terms.point_penetration import PointPenetrationSettings, PointPenetrationTerm
 from physic_paper.terms.printed_regularisation import PrintedRegularisationSettings
@@ -99,7 +99,7 @@ class ReleaseOptimisation(PaperOptimisation):
 
         return [
             ReleasedReprojectionTerm(context, self.reprojection.weight),
-            ChamferTerm(self.depth, context),
+            ChamferDepthTerm(self.depth, context),
             PointContactTerm(context, self.contact.weight, CONTACT_RANGE_M, _barron, per_axis=True, outside_only=True),
             PointPenetrationTerm(self.penetration, context, _barron, may_not_penetrate, per_axis=True),
             ReleasedRegularisationTerm(self.regularisation, context, state, occlusion_aware=aware),

@@ -1,4 +1,4 @@
-"""One reconstruction from two to eight photos of one moment: ``Scene`` and the command ``physic scene``."""
+"""One reconstruction from two to eight photos of one moment: ``ScenePipeline`` and the command ``physic scene``."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from physic_core import BackendRecord, CommandRecord, hookimpl
 
 if TYPE_CHECKING:
     from physic_scene.calibration import KnownCamera, read_calibration
-    from physic_scene.scene import Scene, reconstruct_scene
+    from physic_scene.scene import ScenePipeline, reconstruct_scene
     from physic_scene.types import SceneResult, SolvedPhoto
 
 __all__ = [
     "KnownCamera",
-    "Scene",
+    "ScenePipeline",
     "SceneResult",
     "SolvedPhoto",
     "physic_backends",
@@ -27,7 +27,7 @@ _NAMES = {
     "SolvedPhoto": "types",
     "KnownCamera": "calibration",
     "SceneResult": "types",
-    "Scene": "scene",
+    "ScenePipeline": "scene",
     "read_calibration": "calibration",
     "reconstruct_scene": "scene",
 }

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel
     from physic_core.types import BodyParameters, FloatArray, IntArray
-    from physic_scene.bundle import Bundle, Observations
+    from physic_scene.bundle import Bundle, MomentObservations
     from physic_scene.observations import PhotoPeople
 
 
@@ -48,7 +48,7 @@ class MeanBodies:
 def mean_bodies(
     people: Sequence[PhotoPeople],
     rows: IntArray,
-    observations: Observations,
+    observations: MomentObservations,
     bundle: Bundle,
     model: BodyModel,
     statures: FloatArray,

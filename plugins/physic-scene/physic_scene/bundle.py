@@ -32,7 +32,7 @@ from scipy.spatial.transform import Rotation
 from physic_core.types.bounds import Positive, PositiveCount
 from physic_core.types.skeletons import SIDES
 from physic_scene.measured import KeypointErrors, measured_errors
-from physic_scene.rigid import Pose
+from physic_scene.rigid import CameraPose
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, IntArray
@@ -85,7 +85,7 @@ class BundleSettings:
 
 
 @dataclass(frozen=True)
-class Observations:
+class MomentObservations:
     """What V photos show of P people with J keypoints.
 
     Attributes:
@@ -121,7 +121,7 @@ class Observations:
     known: BoolArray
 
     @classmethod
-    def of(cls, people: Sequence[PhotoPeople], rows: IntArray) -> Observations:
+    def of(cls, people: Sequence[PhotoPeople], rows: IntArray) -> MomentObservations:
         """Collect the observations of matched people.
 
         Args:
@@ -164,7 +164,7 @@ class Bundle:
     """Cameras and points.
 
     Attributes:
-        rotation: (V, 3, 3) of :class:`Pose`, identity for the reference.
+        rotation: (V, 3, 3) of :class:`CameraPose`, identity for the reference.
         translation: (V, 3) metres.
         log_focal: (V,) logarithm of the factor on each focal length.
         points: (P, J, 3) metres, reference frame.
@@ -180,7 +180,7 @@ class Bundle:
     place: FloatArray
 
     @classmethod
-    def start(cls, observations: Observations, poses: Sequence[Pose]) -> Bundle:
+    def start(cls, observations: MomentObservations, poses: Sequence[CameraPose]) -> Bundle:
         """Return a start from poses of the cameras: points are the mean of the photos' landmarks."""
         shown = observations.shown
         common = np.stack([pose.to_common(observations.landmarks[v]) for v, pose in enumerate(poses)])
@@ -194,9 +194,9 @@ class Bundle:
             place=np.zeros((*shown.shape, 3)),
         )
 
-    def pose(self, view: int) -> Pose:
+    def pose(self, view: int) -> CameraPose:
         """Return the pose of a camera."""
-        return Pose(self.rotation[view], self.translation[view])
+        return CameraPose(self.rotation[view], self.translation[view])
 
     def scaled(self, factor: float) -> Bundle:
         """Return a copy with all lengths multiplied; the bodies' places are corrections of the start, and stay."""
@@ -234,7 +234,7 @@ class PoseUncertainty:
 
 
 @dataclass(frozen=True)
-class Block:
+class ResidualBlock:
     """Residuals (m, d) with their derivatives (m, d, k) by the parameters of columns (m, k).
 
     Residuals with the same number in ``group`` (m,) are outliers together, by their mean square; None is each alone.
@@ -254,7 +254,7 @@ def bones_of(names: Sequence[str]) -> IntArray:
 
 
 def adjust(
-    observations: Observations, start: Bundle, reference: int, settings: BundleSettings = BundleSettings()
+    observations: MomentObservations, start: Bundle, reference: int, settings: BundleSettings = BundleSettings()
 ) -> Bundle:
     """Return the cameras and points with the least energy near a start.
 
@@ -286,14 +286,14 @@ def adjust(
 
 
 def energy(
-    observations: Observations, state: Bundle, reference: int, settings: BundleSettings = BundleSettings()
+    observations: MomentObservations, state: Bundle, reference: int, settings: BundleSettings = BundleSettings()
 ) -> float:
     """Return the energy of cameras and points: twice the negative logarithm of their likelihood, up to a constant."""
     return _normal_equations(observations, state, reference, settings)[2]
 
 
 def uncertainties(
-    observations: Observations, state: Bundle, reference: int, settings: BundleSettings = BundleSettings()
+    observations: MomentObservations, state: Bundle, reference: int, settings: BundleSettings = BundleSettings()
 ) -> tuple[PoseUncertainty, ...]:
     """Return the standard deviations of each camera, from the curvature of the energy and the factors on them."""
     normal, _, _ = _normal_equations(observations, state, reference, settings)
@@ -316,7 +316,7 @@ def uncertainties(
 
 
 def _normal_equations(
-    observations: Observations, state: Bundle, reference: int, settings: BundleSettings
+    observations: MomentObservations, state: Bundle, reference: int, settings: BundleSettings
 ) -> tuple[csc_array, FloatArray, float]:
     """Return normal matrix, gradient and energy, with Cauchy weights."""
     size = 7 * len(state.rotation) + state.points.size + 2 * state.place.size
@@ -337,7 +337,9 @@ def _normal_equations(
     return csc_array(jacobian.T @ jacobian), jacobian.T @ np.concatenate(residuals), energy
 
 
-def _blocks(observations: Observations, state: Bundle, reference: int, settings: BundleSettings) -> list[Block]:
+def _blocks(
+    observations: MomentObservations, state: Bundle, reference: int, settings: BundleSettings
+) -> list[ResidualBlock]:
     views, people = observations.shown.shape
     joints = state.points.shape[1]
     errors = measured_errors()
@@ -370,19 +372,19 @@ def _blocks(observations: Observations, state: Bundle, reference: int, settings:
         columns = np.concatenate([camera, at, first_turn + own, first_place + own], axis=1)
         scaled = _along_and_across(middle, 1 / own_errors.along_m, 1 / own_errors.across_m)
         residual = np.einsum("jab,jb->ja", scaled, away)
-        blocks.append(Block(residual, scaled @ jacobian, columns, group=observations.limb))
+        blocks.append(ResidualBlock(residual, scaled @ jacobian, columns, group=observations.limb))
         about, tilt = 1 / np.radians(errors.turn_deg)
         turning = _along_and_across(middle, np.array([about]), np.array([tilt]))
         vector = Rotation.from_matrix(state.turn[v, p]).as_rotvec()
-        blocks.append(Block((turning[0] @ vector)[None], turning, first_turn + own[:1], robust=False))
+        blocks.append(ResidualBlock((turning[0] @ vector)[None], turning, first_turn + own[:1], robust=False))
     blocks.append(_bone_block(observations, state, first_point, errors.bone))
     blocks += _floor_blocks(observations, state, errors.floor_deg)
     return blocks
 
 
 def keypoint_block(
-    observations: Observations, state: Bundle, view: int, person: int, settings: BundleSettings
-) -> Block:
+    observations: MomentObservations, state: Bundle, view: int, person: int, settings: BundleSettings
+) -> ResidualBlock:
     """Return the residuals of a person's keypoints in a photo; columns are camera (6), point (3) and focal length."""
     views, joints = len(state.rotation), state.points.shape[1]
     errors = measured_errors()
@@ -399,7 +401,9 @@ def keypoint_block(
     camera = np.broadcast_to(np.arange(6 * view, 6 * view + 6), (joints, 6))
     columns = np.concatenate([camera, point, np.full((joints, 1), 6 * views + view)], axis=1)
     residual = weight[:, None] * (uv - observations.points[view, person])
-    return Block(residual[seen], (weight[:, None, None] * jacobian)[seen], columns[seen], group=observations.limb[seen])
+    return ResidualBlock(
+        residual[seen], (weight[:, None, None] * jacobian)[seen], columns[seen], group=observations.limb[seen]
+    )
 
 
 @cache
@@ -407,7 +411,7 @@ def _errors_of(names: tuple[str, ...]) -> KeypointErrors:
     return measured_errors().of(names)
 
 
-def robust_weights(block: Block, outlier: float) -> tuple[FloatArray, float]:
+def robust_weights(block: ResidualBlock, outlier: float) -> tuple[FloatArray, float]:
     """Return the Cauchy weights (m,) of residuals that are outliers beyond a size, and their energy."""
     square = (block.residual**2).sum(1)
     if not block.robust:
@@ -427,7 +431,7 @@ def _along_and_across(point: FloatArray, along: FloatArray, across: FloatArray) 
     return scaled
 
 
-def _focal_block(log_focal: FloatArray, sigma: FloatArray, first: int) -> Block:
+def _focal_block(log_focal: FloatArray, sigma: FloatArray, first: int) -> ResidualBlock:
     """Return the residuals of the logarithms of focal lengths (V,), whose errors have a part in common."""
     common, own = np.square(measured_errors().focal)
     share = common / (common + own)
@@ -439,7 +443,7 @@ def _focal_block(log_focal: FloatArray, sigma: FloatArray, first: int) -> Block:
     covariance[known, known] = sigma[known] ** 2
     white = np.linalg.inv(np.linalg.cholesky(covariance))
     columns = first + np.arange(len(sigma))
-    return Block((white @ log_focal)[None], white[None], columns[None], robust=False)
+    return ResidualBlock((white @ log_focal)[None], white[None], columns[None], robust=False)
 
 
 def _limb(name: str) -> int:
@@ -452,14 +456,14 @@ def _limb(name: str) -> int:
     return 1 + SIDES.index(side) + 2 * leg if arm or leg else 0
 
 
-def _prior(values: FloatArray, first: int, sigma: FloatArray | float) -> Block:
+def _prior(values: FloatArray, first: int, sigma: FloatArray | float) -> ResidualBlock:
     """Return the residuals of parameters (n,) from 0; their columns begin at ``first``."""
     n = len(values)
     slope = np.broadcast_to(1 / np.asarray(sigma, np.float64), (n,))
-    return Block((values * slope)[:, None], slope[:, None, None], first + np.arange(n)[:, None], robust=False)
+    return ResidualBlock((values * slope)[:, None], slope[:, None, None], first + np.arange(n)[:, None], robust=False)
 
 
-def _bone_block(observations: Observations, state: Bundle, first_point: int, bone: float) -> Block:
+def _bone_block(observations: MomentObservations, state: Bundle, first_point: int, bone: float) -> ResidualBlock:
     """Return the residuals of bone lengths."""
     people, joints, _ = state.points.shape
     a, b = observations.bones.T
@@ -471,10 +475,10 @@ def _bone_block(observations: Observations, state: Bundle, first_point: int, bon
     person = joints * np.arange(people)[:, None]
     columns = first_point + 3 * np.stack([person + a, person + b], axis=-1)[..., None] + np.arange(3)
     jacobian = np.concatenate([-slope, slope], axis=-1)
-    return Block(residual.reshape(-1, 1), jacobian.reshape(-1, 1, 6), columns.reshape(-1, 6))
+    return ResidualBlock(residual.reshape(-1, 1), jacobian.reshape(-1, 1, 6), columns.reshape(-1, 6))
 
 
-def _floor_blocks(observations: Observations, state: Bundle, floor_deg: float) -> list[Block]:
+def _floor_blocks(observations: MomentObservations, state: Bundle, floor_deg: float) -> list[ResidualBlock]:
     """Return the residuals of the floors' normals of each two photos."""
     known = np.flatnonzero(np.isfinite(observations.up).all(1))
     # Each of n floors is in n - 1 of the pairs, and a pair has the errors of both: together they count as n floors.
@@ -485,7 +489,7 @@ def _floor_blocks(observations: Observations, state: Bundle, floor_deg: float) -
         turned = motion @ observations.up[a]
         jacobian = np.hstack([motion @ _cross(observations.up[a]), -_cross(turned)]) / unit
         columns = np.concatenate([np.arange(6 * a, 6 * a + 3), np.arange(6 * b, 6 * b + 3)])
-        blocks.append(Block((turned - observations.up[b])[None] / unit, jacobian[None], columns[None]))
+        blocks.append(ResidualBlock((turned - observations.up[b])[None] / unit, jacobian[None], columns[None]))
     return blocks
 
 

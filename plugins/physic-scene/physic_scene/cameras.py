@@ -12,21 +12,21 @@ from physic_core.engine.sizes import stature_sigmas
 from physic_core.engine.sizes.scale_vote import vote_on_scale
 from physic_core.errors import InputError
 from physic_core.types import SolvedCameras
-from physic_scene.bundle import Bundle, Observations, adjust, uncertainties
-from physic_scene.rigid import Pose
+from physic_scene.bundle import Bundle, MomentObservations, adjust, uncertainties
+from physic_scene.rigid import CameraPose
 from physic_scene.triangulation import sizes_by_cameras
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, IntArray
     from physic_scene.observations import PhotoPeople
     from physic_scene.selection import ChosenPhotos
-    from physic_scene.settings import SceneSettings
+    from physic_scene.settings import MomentSettings
 
 _KNOWN_BONE = 0.01
 _SEEN = 0.3  # confidence of a keypoint
 
 
-def solve_cameras(chosen: ChosenPhotos, count: int, settings: SceneSettings) -> SolvedCameras:
+def solve_cameras(chosen: ChosenPhotos, count: int, settings: MomentSettings) -> SolvedCameras:
     """Return the cameras and people of one moment; photos and people that do not fit are skipped.
 
     Args:
@@ -64,7 +64,7 @@ def _solution(
     count: int,
     moved: IntArray,
     found: _Adjusted,
-    settings: SceneSettings,
+    settings: MomentSettings,
 ) -> SolvedCameras:
     """Return the cameras of all photos, NaN for skipped ones, and the people by their rows, moved ones apart."""
     sigmas = uncertainties(found.observations, found.bundle, found.reference, settings.bundle)
@@ -112,24 +112,24 @@ class _Adjusted:
     """Cameras and points of the people who are taken to hold still, and the errors (V, P) of their keypoints."""
 
     reference: int
-    observations: Observations
+    observations: MomentObservations
     bundle: Bundle
     errors: FloatArray
 
 
-def _adjusted(chosen: ChosenPhotos, settings: SceneSettings) -> _Adjusted:
+def _adjusted(chosen: ChosenPhotos, settings: MomentSettings) -> _Adjusted:
     rows = chosen.rows
     people = [photo.people for photo in chosen.photos]
     reference = reference_photo(rows, people)
     poses = start_poses(chosen, reference)
-    observations = _sized(Observations.of(people, rows), chosen, rows, poses)
+    observations = _sized(MomentObservations.of(people, rows), chosen, rows, poses)
     start = Bundle.start(observations, poses)
     own = settings.bundle.for_known_cameras() if observations.known.any() else settings.bundle
     bundle = adjust(observations, start, reference, own)
     return _Adjusted(reference, observations, bundle, keypoint_errors(observations, bundle))
 
 
-def _scale(observations: Observations, bundle: Bundle) -> tuple[float, float]:
+def _scale(observations: MomentObservations, bundle: Bundle) -> tuple[float, float]:
     """Return the factor on all lengths by the sizes of people, and the standard deviation of its logarithm.
 
     Each person votes once, by known stature or by the mean size in the photos alone: errors of one person's stature
@@ -155,7 +155,7 @@ def _spread(points: FloatArray) -> FloatArray:
     return spread
 
 
-def keypoint_errors(observations: Observations, bundle: Bundle) -> FloatArray:
+def keypoint_errors(observations: MomentObservations, bundle: Bundle) -> FloatArray:
     """Return the median distances (V, P) of solved keypoints from the photos', as a share of the stature in px."""
     errors = np.full(observations.shown.shape, np.nan)
     for v, p in zip(*np.nonzero(observations.shown), strict=True):
@@ -189,9 +189,9 @@ def _view_that_does_not_fit(bad: BoolArray, errors: FloatArray) -> int | None:
     return int(np.argmax(np.where(wrong, np.nanmean(np.where(shown, errors, 0), axis=1), -1)))
 
 
-def start_poses(chosen: ChosenPhotos, reference: int) -> list[Pose]:
+def start_poses(chosen: ChosenPhotos, reference: int) -> list[CameraPose]:
     """Return poses of all cameras: known ones, and the others along the pairs of photos with the highest scores."""
-    poses = {reference: Pose.identity()}
+    poses = {reference: CameraPose.identity()}
     base = chosen.photos[reference].people.pose
     for v, photo in enumerate(chosen.photos):
         if base is not None and photo.people.pose is not None:
@@ -217,7 +217,9 @@ def known_statures(people: Sequence[PhotoPeople], rows: IntArray) -> FloatArray:
     return known
 
 
-def _sized(observations: Observations, chosen: ChosenPhotos, rows: IntArray, poses: Sequence[Pose]) -> Observations:
+def _sized(
+    observations: MomentObservations, chosen: ChosenPhotos, rows: IntArray, poses: Sequence[CameraPose]
+) -> MomentObservations:
     """Return the observations with the sizes of people by known cameras, or else those of people of known stature."""
     bone_m, sigma = observations.bone_m.copy(), observations.bone_sigma.copy()
     landmarks = observations.landmarks.copy()

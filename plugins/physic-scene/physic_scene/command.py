@@ -82,7 +82,7 @@ def scene(
     from physic_core.errors import InputError
     from physic_scene.calibration import read_calibration
     from physic_scene.output import MOMENT_FILE, POINTS_FILE, save_scene
-    from physic_scene.scene import Scene
+    from physic_scene.scene import ScenePipeline
 
     try:
         known = KnownSizes(stature=statures, age=ages)
@@ -100,7 +100,7 @@ def scene(
 
     with (
         reserve_folder(out, all_photos, overwrite=overwrite, beside=(MOMENT_FILE, POINTS_FILE)),
-        Scene(load_config(file, preset=preset, overrides=overrides)) as solver,
+        ScenePipeline(load_config(file, preset=preset, overrides=overrides)) as solver,
     ):
         result = solver(
             photos, intrinsics=_sized(cameras, sizes), cameras=known_cameras, known=known, progress=progress

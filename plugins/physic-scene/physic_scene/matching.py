@@ -21,8 +21,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from physic_core.types.bounds import Degrees, NotNegative, Positive, PositiveCount
-from physic_scene.bundle import Bundle, BundleSettings, Observations, adjust, energy
-from physic_scene.rigid import Pose, angle_deg, fit_rotation
+from physic_scene.bundle import Bundle, BundleSettings, MomentObservations, adjust, energy
+from physic_scene.rigid import CameraPose, fit_rotation, rotation_angle_deg
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, IntArray
@@ -79,7 +79,7 @@ class PairMatch:
 
     pairs: Pairs
     score: float
-    motion: Pose
+    motion: CameraPose
     odds: FloatArray
 
 
@@ -92,7 +92,7 @@ def match_pair(
     """Match the people of two photos."""
     pose, turns = compare_poses(one, two)
     clothes = _clothes_cost(one, two, settings)
-    found: dict[Pairs, tuple[float, Pose]] = {}
+    found: dict[Pairs, tuple[float, CameraPose]] = {}
     for pairs in dict.fromkeys(_answers(one, two, pose, turns, clothes, settings)):
         cost, motion = answer_cost(one, two, pairs, relative_motion(one, two, pairs), settings, bundle)
         found[pairs] = settings.worth * len(pairs) - cost, motion
@@ -104,14 +104,14 @@ def answer_cost(
     one: PhotoPeople,
     two: PhotoPeople,
     pairs: Pairs,
-    motion: Pose,
+    motion: CameraPose,
     settings: MatchingSettings,
     bundle: BundleSettings,
-) -> tuple[float, Pose]:
+) -> tuple[float, CameraPose]:
     """Return what an answer costs, half of the energy of its people and their clothes, and its motion near a start."""
     quick = replace(bundle, rounds=bundle.rounds[1:] or bundle.rounds, steps=settings.steps)
-    seen = Observations.of([one, two], np.array(pairs))
-    state = adjust(seen, Bundle.start(seen, [Pose.identity(), motion]), 0, quick)
+    seen = MomentObservations.of([one, two], np.array(pairs))
+    state = adjust(seen, Bundle.start(seen, [CameraPose.identity(), motion]), 0, quick)
     clothes = _clothes_cost(one, two, settings)
     return energy(seen, state, 0, quick) / 2 + float(sum(clothes[pair] for pair in pairs)), state.pose(1)
 
@@ -239,7 +239,7 @@ def clothes_apart(one: PhotoPeople, two: PhotoPeople) -> FloatArray:
 
 
 def compare_places(
-    one: PhotoPeople, two: PhotoPeople, motion: Pose, turns: FloatArray
+    one: PhotoPeople, two: PhotoPeople, motion: CameraPose, turns: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Compare the places and turns of the people of two photos under a motion between the cameras.
 
@@ -250,10 +250,10 @@ def compare_places(
     there = motion.to_camera(one.joints[:, _PELVIS])
     apart = np.linalg.norm(there[:, None] - two.joints[None, :, _PELVIS], axis=-1)
     reach = (one.joints[:, _PELVIS, 2][:, None] + two.joints[:, _PELVIS, 2][None]) / 2
-    return apart / reach, angle_deg(turns, motion.rotation)
+    return apart / reach, rotation_angle_deg(turns, motion.rotation)
 
 
-def relative_motion(one: PhotoPeople, two: PhotoPeople, pairs: Pairs) -> Pose:
+def relative_motion(one: PhotoPeople, two: PhotoPeople, pairs: Pairs) -> CameraPose:
     """Return the known motion between the cameras, or the one that fits matched people: their poses and places."""
     if one.pose is not None and two.pose is not None:
         return two.pose.after(one.pose.inverse())
@@ -265,4 +265,4 @@ def relative_motion(one: PhotoPeople, two: PhotoPeople, pairs: Pairs) -> Pose:
     # Places have the error of depth, poses that of limbs.
     weight = np.concatenate([np.ones(inner[0].size // 3), np.full(len(pairs), 2.0)])
     rotation = fit_rotation(source, target, weight)
-    return Pose(rotation, np.median(two.joints[j, _PELVIS] - one.joints[i, _PELVIS] @ rotation.T, axis=0))
+    return CameraPose(rotation, np.median(two.joints[j, _PELVIS] - one.joints[i, _PELVIS] @ rotation.T, axis=0))

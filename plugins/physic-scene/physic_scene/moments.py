@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from physic_core.errors import InputError
 from physic_scene.output import MOMENT_FILE, moment_json
-from physic_scene.scene import Scene
+from physic_scene.scene import ScenePipeline
 
 if TYPE_CHECKING:
     from physic_core import Config, Reconstruction
@@ -33,6 +33,6 @@ def join_photos(photos: Sequence[MomentPhoto], config: Config) -> tuple[Reconstr
             "moment, in the order of its photo, 0 where unknown"
         )
     statures = photos[0].settings.get("stature") or ()
-    with Scene(config) as scene:
+    with ScenePipeline(config) as scene:
         joined = scene.join([photo.result for photo in photos], [photo.name for photo in photos], statures=statures)
     return joined.reconstruction, {MOMENT_FILE: moment_json(joined).encode()}

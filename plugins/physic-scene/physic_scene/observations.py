@@ -14,7 +14,7 @@ from physic_core.body.landmarks import keypoints_on_body
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.types import CameraTrust
 from physic_scene.measured import measured_errors
-from physic_scene.rigid import Pose
+from physic_scene.rigid import CameraPose
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
@@ -71,7 +71,7 @@ class PhotoPeople:
     size_px: FloatArray
     up: FloatArray
     known_stature: FloatArray
-    pose: Pose | None = None
+    pose: CameraPose | None = None
 
     def __len__(self) -> int:
         return len(self.points)
@@ -112,7 +112,7 @@ def observe(view: MomentView, model: BodyModel) -> PhotoPeople:
         size_px=view.intrinsics.fy * stature / np.maximum(joints[:, 0, 2], 0.1),
         up=np.full(3, np.nan) if view.floor is None else np.asarray(view.floor.normal, np.float64),
         known_stature=np.asarray(view.statures, np.float64),
-        pose=None if view.pose is None else Pose(view.pose[:3, :3], view.pose[:3, 3]).inverse(),
+        pose=None if view.pose is None else CameraPose(view.pose[:3, :3], view.pose[:3, 3]).inverse(),
     )
 
 

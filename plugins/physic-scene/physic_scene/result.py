@@ -12,19 +12,19 @@ from physic_core import with_cameras
 from physic_core.types import CameraView
 from physic_scene.reference import scene_scales
 from physic_scene.types import ScenePerson, SceneResult, SolvedPhoto
-from physic_scene.verdict import SolvedView, contradictions
+from physic_scene.verdict import SolvedView, view_contradictions
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Reconstruction, UInt8Array
     from physic_scene.people import PersonOfScene
-    from physic_scene.settings import SceneSettings
+    from physic_scene.settings import MomentSettings
     from physic_scene.solved import ScenePhoto, SolvedScene
 
 _POINTS = 60_000  # of the scene of each photo
 
 
 def assemble(
-    solved: SolvedScene, everybody: Sequence[PersonOfScene], reconstruction: Reconstruction, settings: SceneSettings
+    solved: SolvedScene, everybody: Sequence[PersonOfScene], reconstruction: Reconstruction, settings: MomentSettings
 ) -> SceneResult:
     """Return the result.
 
@@ -40,7 +40,7 @@ def assemble(
     photos, v = solved.photos, solved.reference
     own_photos = _photos(solved, everybody, reconstruction, scales)
     people = _people(photos, everybody, reconstruction)
-    measured = contradictions(_solved_views(solved), solved.rows, settings)
+    measured = view_contradictions(_solved_views(solved), solved.rows, settings)
     # The reference is the first camera of a reconstruction.
     cameras = sorted((photo.camera for photo in own_photos), key=lambda camera: camera.photo != photos[v].name)
     reconstruction = with_cameras(reconstruction, cameras, measured)

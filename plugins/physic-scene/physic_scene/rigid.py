@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Pose:
+class CameraPose:
     """Pose of a camera: points x of the common frame are ``rotation @ x + translation`` in the camera's frame.
 
     Attributes:
@@ -25,7 +25,7 @@ class Pose:
     translation: FloatArray
 
     @classmethod
-    def identity(cls) -> Pose:
+    def identity(cls) -> CameraPose:
         """Return the pose of the common frame itself."""
         return cls(np.eye(3), np.zeros(3))
 
@@ -42,13 +42,13 @@ class Pose:
         """Transform points (..., 3) of the camera's frame to the common frame."""
         return (points - self.translation) @ self.rotation
 
-    def after(self, first: Pose) -> Pose:
+    def after(self, first: CameraPose) -> CameraPose:
         """Return the pose that applies ``first`` and then this one."""
-        return Pose(self.rotation @ first.rotation, self.rotation @ first.translation + self.translation)
+        return CameraPose(self.rotation @ first.rotation, self.rotation @ first.translation + self.translation)
 
-    def inverse(self) -> Pose:
+    def inverse(self) -> CameraPose:
         """Return the motion from the camera's frame to the common frame."""
-        return Pose(self.rotation.T, self.centre)
+        return CameraPose(self.rotation.T, self.centre)
 
 
 def fit_rotation(source: FloatArray, target: FloatArray, weight: FloatArray) -> FloatArray:
@@ -69,7 +69,7 @@ def mean_rotation(rotations: FloatArray, weight: FloatArray) -> FloatArray:
     return found
 
 
-def angle_deg(one: FloatArray, two: FloatArray) -> FloatArray:
+def rotation_angle_deg(one: FloatArray, two: FloatArray) -> FloatArray:
     """Return the angles (...) between rotations (..., 3, 3), degrees."""
     trace = np.einsum("...ij,...ij->...", one, two)
     angle: FloatArray = np.degrees(np.arccos(np.clip((trace - 1) / 2, -1, 1)))

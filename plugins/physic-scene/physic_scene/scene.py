@@ -19,7 +19,7 @@ from physic_scene.energy import require_default_engine
 from physic_scene.people import people_of_scene
 from physic_scene.reference import ReferenceInput, solve_reference
 from physic_scene.result import assemble
-from physic_scene.settings import SceneSettings
+from physic_scene.settings import MomentSettings
 from physic_scene.solved import ScenePhoto, SolvedScene
 from physic_scene.solver import solver_options
 from physic_scene.triangulation import rig_unit
@@ -46,7 +46,7 @@ _OTHER_UNIT = 1.5  # larger factors are no error of people's sizes
 _SOLVER = "physic-scene:people"  # where the configuration has no camera_solver
 
 
-class Scene:
+class ScenePipeline:
     """Reconstructs moments from several photos; backends stay loaded between moments.
 
     Args:
@@ -64,11 +64,11 @@ class Scene:
     def __init__(
         self,
         config: Config | Mapping[str, Any] | str | os.PathLike[str] | None = None,
-        settings: SceneSettings | None = None,
+        settings: MomentSettings | None = None,
         solver: CameraSolver | None = None,
     ) -> None:
         self._pipeline = Pipeline(config)
-        self._settings = settings or SceneSettings()
+        self._settings = settings or MomentSettings()
         self._given = solver
         self._loaded: Backend | None = None
 
@@ -297,11 +297,11 @@ def reconstruct_scene(
     known: KnownSizes | None = None,
     progress: Progress | None = None,
 ) -> SceneResult:
-    """Reconstruct one moment from two to eight photos; for several moments, :class:`Scene` loads backends once.
+    """Reconstruct one moment from two to eight photos; for several moments, :class:`ScenePipeline` loads backends once.
 
-    Arguments, result and errors are those of :class:`Scene` and its call.
+    Arguments, result and errors are those of :class:`ScenePipeline` and its call.
     """
-    with Scene(config) as scene:
+    with ScenePipeline(config) as scene:
         return scene(photos, intrinsics=intrinsics, cameras=cameras, known=known, progress=progress)
 
 

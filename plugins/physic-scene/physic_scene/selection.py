@@ -11,16 +11,16 @@ from physic_core.errors import InputError
 from physic_core.types import SkippedPhoto
 from physic_core.types.short_repr import ShortRepr
 from physic_scene.matching import PairMatch, join_tracks, joined_matches, match_pair
-from physic_scene.twins import same_photo, thumbnail
+from physic_scene.twins import thumbnail, thumbnails_match
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, IntArray, Intrinsics, MomentView
     from physic_scene.observations import PhotoPeople
-    from physic_scene.settings import SceneSettings
+    from physic_scene.settings import MomentSettings
 
 
 @dataclass(frozen=True)
-class Photo(ShortRepr):
+class PhotoWithPeople(ShortRepr):
     """One photo, and its people.
 
     Attributes:
@@ -51,7 +51,7 @@ class ChosenPhotos(ShortRepr):
         intrinsics: of all photos, as they were given.
     """
 
-    photos: tuple[Photo, ...]
+    photos: tuple[PhotoWithPeople, ...]
     rows: IntArray
     matches: dict[tuple[int, int], PairMatch]
     left_out: tuple[SkippedPhoto, ...]
@@ -72,7 +72,7 @@ class ChosenPhotos(ShortRepr):
         )
 
 
-def select_photos(photos: Sequence[Photo], settings: SceneSettings) -> ChosenPhotos:
+def select_photos(photos: Sequence[PhotoWithPeople], settings: MomentSettings) -> ChosenPhotos:
     """Return the photos that show people, and who is who in them.
 
     Args:
@@ -83,14 +83,14 @@ def select_photos(photos: Sequence[Photo], settings: SceneSettings) -> ChosenPho
         InputError: fewer than two different photos show people.
     """
     left: list[SkippedPhoto] = []
-    kept: list[Photo] = []
+    kept: list[PhotoWithPeople] = []
     seen: list[FloatArray] = []
     for photo in photos:
         if not len(photo.people):
             left.append(_skipped_photo(photo.index, photo.name, "no people", "no person in it has a body"))
             continue
         picture = thumbnail(photo.view)
-        twin = next((k.name for k, s in zip(kept, seen, strict=True) if same_photo(s, picture)), None)
+        twin = next((k.name for k, s in zip(kept, seen, strict=True) if thumbnails_match(s, picture)), None)
         if twin is not None:
             left.append(_skipped_photo(photo.index, photo.name, "same photo", f"it is the same picture as {twin}"))
             continue

@@ -37,7 +37,7 @@ class VerdictSettings:
 
 
 @dataclass(frozen=True)
-class SceneSettings:
+class MomentSettings:
     """Settings of all steps."""
 
     matching: MatchingSettings = field(default_factory=MatchingSettings)

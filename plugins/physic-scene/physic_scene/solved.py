@@ -13,7 +13,7 @@ from physic_core.errors import InputError
 from physic_core.types import Bodies, BodyParameters, Keypoints, MomentView, People, SolvedCameras
 from physic_core.types.short_repr import ShortRepr
 from physic_scene.bodies import MeanBodies, mean_bodies
-from physic_scene.bundle import Bundle, Observations
+from physic_scene.bundle import Bundle, MomentObservations
 from physic_scene.cameras import keypoint_errors, known_statures
 from physic_scene.observations import PhotoPeople, observe
 from physic_scene.triangulation import sizes_by_cameras
@@ -137,7 +137,7 @@ class SolvedScene(ShortRepr):
     reference: int
     rows: IntArray
     moved: IntArray
-    observations: Observations
+    observations: MomentObservations
     bundle: Bundle
     intrinsics: tuple[Intrinsics, ...]
     rotation_sigma: FloatArray
@@ -157,7 +157,7 @@ class SolvedScene(ShortRepr):
         chosen = [photos[v] for v in kept]
         people = [photo.people for photo in chosen]
         rows = solution.people[:, kept]
-        observations = Observations.of(people, rows)
+        observations = MomentObservations.of(people, rows)
         bundle = Bundle(
             rotation=solution.rotation[kept],
             translation=solution.translation[kept],

@@ -12,8 +12,8 @@ from physic_scene.bundle import BundleSettings
 from physic_scene.cameras import solve_cameras
 from physic_scene.matching import MatchingSettings
 from physic_scene.observations import observe
-from physic_scene.selection import Photo, select_photos
-from physic_scene.settings import FitLimits, SceneSettings
+from physic_scene.selection import PhotoWithPeople, select_photos
+from physic_scene.settings import FitLimits, MomentSettings
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
@@ -27,12 +27,12 @@ class PeopleCamerasOptions(Options):
     bundle: BundleSettings = Field(BundleSettings(), description="bundle adjustment of cameras and people")
     fit: FitLimits = Field(FitLimits(), description="limits of what fits one moment")
 
-    def settings(self) -> SceneSettings:
+    def settings(self) -> MomentSettings:
         """Return the settings of all steps."""
-        return SceneSettings(**{name: getattr(self, name) for name in type(self).model_fields})
+        return MomentSettings(**{name: getattr(self, name) for name in type(self).model_fields})
 
 
-def solver_options(settings: SceneSettings) -> dict[str, object]:
+def solver_options(settings: MomentSettings) -> dict[str, object]:
     """Return the options of PeopleCameras that are part of the settings of a scene."""
     return {name: getattr(settings, name) for name in PeopleCamerasOptions.model_fields}
 
@@ -62,5 +62,5 @@ class PeopleCameras(CameraSolver):
         self.load()
         assert self._model is not None
         settings = self.options.settings()
-        seen = [Photo(i, view, observe(view, self._model)) for i, view in enumerate(photos)]
+        seen = [PhotoWithPeople(i, view, observe(view, self._model)) for i, view in enumerate(photos)]
         return solve_cameras(select_photos(seen, settings), len(photos), settings)

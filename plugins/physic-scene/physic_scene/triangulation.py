@@ -10,16 +10,16 @@ import numpy as np
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
-    from physic_scene.bundle import Observations
+    from physic_scene.bundle import MomentObservations
     from physic_scene.observations import PhotoPeople
-    from physic_scene.rigid import Pose
+    from physic_scene.rigid import CameraPose
 
 _SEEN = 0.3  # confidence of a keypoint
 _FEWEST = 4  # triangulated keypoints, or bones, that give a size
 _LEAST_ANGLE = 1e-3  # smallest eigenvalue of the normal matrix of two rays: an angle of 2.6 degrees
 
 
-def triangulate(points: FloatArray, weight: FloatArray, K: FloatArray, poses: Sequence[Pose]) -> FloatArray:
+def triangulate(points: FloatArray, weight: FloatArray, K: FloatArray, poses: Sequence[CameraPose]) -> FloatArray:
     """Return the points (J, 3) with the least squares of distances from the rays of V photos, NaN where undetermined.
 
     Args:
@@ -75,7 +75,7 @@ def rig_unit(photos: Sequence[PhotoPeople], most_off: float) -> float | None:
     return float(np.median(found)) if found else None
 
 
-def sizes_by_cameras(observations: Observations, poses: Sequence[Pose]) -> FloatArray:
+def sizes_by_cameras(observations: MomentObservations, poses: Sequence[CameraPose]) -> FloatArray:
     """Return the factor (P,) on the bones of each person that known cameras give; the median where they do not.
 
     Args:

@@ -23,7 +23,7 @@ def thumbnail(view: MomentView) -> FloatArray:
     return grey_levels
 
 
-def same_photo(one: FloatArray, two: FloatArray) -> bool:
+def thumbnails_match(one: FloatArray, two: FloatArray) -> bool:
     """Return whether two thumbnails are of one picture, perhaps of other size, compression or brightness."""
     gain = (one * two).sum() / max((two * two).sum(), 1e-9)
     return bool(np.abs(one - gain * two).max() < _LARGEST and 1 / _GAIN < gain < _GAIN)

@@ -18,8 +18,8 @@ from physic_scene.matching import answer_cost
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, IntArray
     from physic_scene.observations import PhotoPeople
-    from physic_scene.rigid import Pose
-    from physic_scene.settings import SceneSettings, VerdictSettings
+    from physic_scene.rigid import CameraPose
+    from physic_scene.settings import MomentSettings, VerdictSettings
 
 _NEAREST_M = 0.5  # of somebody whom a photo may show
 
@@ -39,14 +39,14 @@ class SolvedView:
 
     name: str
     people: PhotoPeople
-    pose: Pose
+    pose: CameraPose
     K: FloatArray
     size: tuple[int, int]
     floor: FloatArray | None
 
 
-def contradictions(
-    views: Sequence[SolvedView], rows: IntArray, settings: SceneSettings
+def view_contradictions(
+    views: Sequence[SolvedView], rows: IntArray, settings: MomentSettings
 ) -> Iterator[tuple[str, str, float | None, str]]:
     """Yield photo, check, value and advice of each check of each photo.
 
@@ -71,7 +71,7 @@ def contradictions(
         yield view.name, "view_height", float(np.median(heights)) if heights else None, why
 
 
-def _costs(views: Sequence[SolvedView], rows: IntArray, settings: SceneSettings) -> Mapping[tuple[int, int], float]:
+def _costs(views: Sequence[SolvedView], rows: IntArray, settings: MomentSettings) -> Mapping[tuple[int, int], float]:
     """Return what the people cost, on average, of each two photos that share people."""
     found = {}
     for a, b in itertools.combinations(range(len(views)), 2):

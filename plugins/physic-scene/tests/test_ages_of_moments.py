@@ -16,7 +16,7 @@ from physic_core.body import load_body
 from physic_core.body.ages import load_ages
 from physic_core.errors import InputError
 from physic_core.interfaces import PHOTO_INTERFACES
-from physic_scene import Scene
+from physic_scene import ScenePipeline
 from physic_scene.command import scene as command
 from physic_scene.moments import join_photos
 from physic_testing.worlds import build_world, view_names
@@ -33,7 +33,7 @@ def worlds():
 
 @pytest.fixture(scope="module")
 def solver():
-    with Scene(load_config(preset="mock", flags={"noise": NOISE}, overrides=QUICK)) as scene:
+    with ScenePipeline(load_config(preset="mock", flags={"noise": NOISE}, overrides=QUICK)) as scene:
         yield scene
 
 

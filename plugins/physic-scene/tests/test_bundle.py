@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from physic_scene.bundle import Bundle, Observations, adjust, uncertainties
+from physic_scene.bundle import Bundle, MomentObservations, adjust, uncertainties
 from physic_scene.cameras import keypoint_errors
-from physic_scene.rigid import Pose, angle_deg, fit_rotation, mean_rotation
+from physic_scene.rigid import CameraPose, fit_rotation, mean_rotation, rotation_angle_deg
 
 WIDTH, FOCAL = 1000, 900.0
 NAMES = tuple(f"{s}_{n}" for s in ("left", "right") for n in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle"))
@@ -22,11 +22,11 @@ def moment():
     rng = np.random.default_rng(3)
     middles = np.array([[-0.8, 0, 4], [0.7, 0, 4.4], [0.1, 0, 3.6]])
     points = rng.normal(0, [0.25, 0.5, 0.25], (3, JOINTS, 3)) + middles[:, None]
-    poses = [Pose.identity()]
+    poses = [CameraPose.identity()]
     for angle in (40.0, -70.0):
         rotation = Rotation.from_euler("y", angle, degrees=True).as_matrix()
         middle = np.array([0.0, 0.0, 4.0])
-        poses.append(Pose(rotation, np.array([0.0, 0.1, 4.0]) - rotation @ middle))
+        poses.append(CameraPose(rotation, np.array([0.0, 0.1, 4.0]) - rotation @ middle))
     return points, poses
 
 
@@ -36,7 +36,7 @@ def observations(points, poses, rng, noise_px=0.0):
     pixels = local[..., :2] / local[..., 2:] * FOCAL + WIDTH / 2
     bones = np.array([(0, 1), (1, 2), (3, 4), (4, 5)])
     turned = local + rng.normal(0, 0.03, local.shape)
-    return Observations(
+    return MomentObservations(
         K=np.stack([K] * len(poses)),
         focal_sigma=np.full(len(poses), 0.005),
         names=NAMES,
@@ -56,7 +56,7 @@ def observations(points, poses, rng, noise_px=0.0):
 
 def rough(poses, rng):
     return [poses[0]] + [
-        Pose(
+        CameraPose(
             Rotation.from_rotvec(rng.normal(0, 0.15, 3)).as_matrix() @ p.rotation, p.translation + rng.normal(0, 0.3, 3)
         )
         for p in poses[1:]
@@ -69,7 +69,7 @@ def test_cameras_and_points_are_recovered_from_a_rough_start(moment):
     seen = observations(points, poses, rng)
     found = adjust(seen, Bundle.start(seen, rough(poses, rng)), 0)
     for v, pose in enumerate(poses):
-        assert angle_deg(found.rotation[v], pose.rotation) < 0.5
+        assert rotation_angle_deg(found.rotation[v], pose.rotation) < 0.5
         assert np.linalg.norm(found.pose(v).centre - pose.centre) < 0.06
     assert np.linalg.norm(found.points - points, axis=-1).max() < 0.08
 
@@ -85,7 +85,7 @@ def test_known_cameras_stay_and_points_have_their_scale(moment):
         assert np.allclose(found.rotation[v], poses[v].rotation, atol=1e-5)
         assert np.allclose(found.translation[v], poses[v].translation, atol=1e-5)
         assert abs(found.log_focal[v]) < 1e-5
-    assert angle_deg(found.rotation[1], poses[1].rotation) < 1
+    assert rotation_angle_deg(found.rotation[1], poses[1].rotation) < 1
     spread = [np.linalg.norm(x - x.mean(1, keepdims=True)) for x in (found.points, points)]
     assert spread[0] == pytest.approx(spread[1], rel=0.01)
 
@@ -96,7 +96,7 @@ def test_one_limb_of_wrong_keypoints_changes_little(moment):
     seen = observations(points, poses, rng, noise_px=1.0)
     seen.points[1, 0, :3] += 120
     found = adjust(seen, Bundle.start(seen, rough(poses, rng)), 0)
-    assert angle_deg(found.rotation[1], poses[1].rotation) < 1.5
+    assert rotation_angle_deg(found.rotation[1], poses[1].rotation) < 1.5
 
 
 def test_the_reference_camera_stays_and_others_have_an_uncertainty(moment):
@@ -123,7 +123,7 @@ def test_the_mean_rotation_ignores_one_of_three():
     near = Rotation.from_rotvec([0.02, 0, 0]) * base
     far = Rotation.from_rotvec([0, 1.5, 0]) * base
     mean = mean_rotation(np.stack([r.as_matrix() for r in (base, near, far)]), np.ones(3))
-    assert angle_deg(mean, base.as_matrix()) < 5
+    assert rotation_angle_deg(mean, base.as_matrix()) < 5
 
 
 def test_fit_rotation_recovers_a_rotation_and_never_mirrors():

@@ -13,9 +13,9 @@ from physic_core.types import skeleton_named
 from physic_scene.bundle import BundleSettings
 from physic_scene.matching import MatchingSettings, PairMatch, answer_cost, join_tracks, match_pair
 from physic_scene.observations import COLOUR_GROUPS, PhotoPeople
-from physic_scene.rigid import Pose
-from physic_scene.settings import SceneSettings
-from physic_scene.verdict import SolvedView, contradictions
+from physic_scene.rigid import CameraPose
+from physic_scene.settings import MomentSettings
+from physic_scene.verdict import SolvedView, view_contradictions
 
 MIDDLE = np.array([0.0, 0.0, 4.0])
 TURN = Rotation.from_euler("y", 40, degrees=True).as_matrix()
@@ -54,7 +54,7 @@ def facing_each_other():
     body[0] = 0
     person = body + np.array([0.8, 0, 0])
     joints = np.stack([person, person @ HALF_TURN.T]) + MIDDLE
-    motion = Pose(TURN, MIDDLE - TURN @ MIDDLE)
+    motion = CameraPose(TURN, MIDDLE - TURN @ MIDDLE)
     return photo(joints), photo(motion.to_camera(joints)), motion
 
 
@@ -92,7 +92,7 @@ def test_two_photos_always_have_an_answer(facing_each_other):
 
 def test_the_surest_pairs_join_people_over_three_photos(facing_each_other):
     one, two, _ = facing_each_other
-    third = photo(Pose(TURN.T, MIDDLE - TURN.T @ MIDDLE).to_camera(one.joints[::-1]))
+    third = photo(CameraPose(TURN.T, MIDDLE - TURN.T @ MIDDLE).to_camera(one.joints[::-1]))
     people = in_clothes(one, 20, 60), in_clothes(two, 20, 60), in_clothes(third, np.nan, 20)
     matches = {(a, b): match(people[a], people[b]) for a, b in ((0, 1), (0, 2), (1, 2))}
     assert join_tracks(people, matches).tolist() == [[0, 0, 1], [1, 1, 0]]
@@ -102,14 +102,14 @@ def test_a_photo_that_nobody_joins_is_joined_by_its_likeliest_pair(facing_each_o
     one, two, _ = facing_each_other
     people = one, two, two
     odds = {(0, 1): [[9, -9], [-9, 9]], (0, 2): [[-5, -6], [-6, -2]], (1, 2): [[-5, -6], [-6, -3]]}
-    matches = {pair: PairMatch((), 0.0, Pose.identity(), np.array(own, float)) for pair, own in odds.items()}
+    matches = {pair: PairMatch((), 0.0, CameraPose.identity(), np.array(own, float)) for pair, own in odds.items()}
     assert join_tracks(people, matches).tolist() == [[1, 1, 1], [0, 0, -1]]
 
 
 def verdict(*views: SolvedView, rows: list[list[int]]) -> dict[str, list[float | None]]:
     """Return the values of each check over the photos."""
     found: dict[str, list[float | None]] = {}
-    for _, name, value, _ in contradictions(views, np.array(rows), SceneSettings()):
+    for _, name, value, _ in view_contradictions(views, np.array(rows), MomentSettings()):
         found.setdefault(name, []).append(value)
     return found
 
@@ -121,7 +121,7 @@ def solved_views(facing_each_other):
     down = np.array([0.0, -1.0, 0.0, 1.5])
     views = [
         SolvedView(name, people, pose, people.K, (120, 90), down)
-        for name, people, pose in (("a.png", one, Pose.identity()), ("b.png", two, motion))
+        for name, people, pose in (("a.png", one, CameraPose.identity()), ("b.png", two, motion))
     ]
     return [replace(view, people=in_clothes(view.people, 20, 60)) for view in views]
 

@@ -15,10 +15,10 @@ from physic_core import Pipeline, load_config, load_reconstruction, with_cameras
 from physic_core.body import load_body
 from physic_core.errors import ConfigError, InputError, OutputError
 from physic_core.interfaces import PHOTO_INTERFACES
-from physic_scene import Scene, SceneResult
+from physic_scene import ScenePipeline, SceneResult
 from physic_scene.command import scene as command
 from physic_scene.output import save_scene
-from physic_scene.rigid import angle_deg
+from physic_scene.rigid import rotation_angle_deg
 from physic_testing.worlds import build_world, view_names
 
 SIZE = (240, 180)
@@ -44,7 +44,7 @@ def alone(config, worlds):
 
 @pytest.fixture(scope="module")
 def solver(config):
-    with Scene(config) as scene:
+    with ScenePipeline(config) as scene:
         yield scene
 
 
@@ -58,7 +58,7 @@ def test_three_photos_give_their_cameras(solved, worlds):
     assert [camera.photo for camera in solved.cameras] == ["a.png", "b.png", "c.png"]
     for photo, camera in zip(solved.photos, solved.cameras, strict=True):
         world = worlds[photo.index].camera
-        assert angle_deg(camera.rotation, world.rotation @ first.rotation.T) < 10
+        assert rotation_angle_deg(camera.rotation, world.rotation @ first.rotation.T) < 10
         away = np.linalg.norm(first.to_camera(world.position))
         assert np.linalg.norm(camera.centre) == pytest.approx(away, rel=0.25, abs=1e-6)
 
@@ -112,7 +112,7 @@ def test_known_cameras_stay_and_give_the_scale(solver, alone, worlds, poses, kno
     for photo, camera in zip(found.photos, found.cameras, strict=True):
         true = worlds[photo.index].camera
         away = np.linalg.norm(camera.centre - first.to_camera(true.position))
-        turn = angle_deg(camera.rotation, true.rotation @ first.rotation.T)
+        turn = rotation_angle_deg(camera.rotation, true.rotation @ first.rotation.T)
         assert away < (1e-3 if photo.index in known else 0.5)
         assert turn < (0.05 if photo.index in known else 10)
     assert found.reconstruction.scene.scale == 1.0
@@ -232,10 +232,13 @@ def test_a_scene_has_two_to_eight_photos(solver, alone, count, cure):
 
 def test_another_energy_is_refused(alone):
     table = {"extends": "mock", "engine": {"preset": "paper"}}
-    with Scene(table) as other, pytest.raises(ConfigError, match=r"physic scene solves with engine\.preset 'default'"):
+    with (
+        ScenePipeline(table) as other,
+        pytest.raises(ConfigError, match=r"physic scene solves with engine\.preset 'default'"),
+    ):
         other.join(alone[:2])
     message = "physic scene solves with engine.preset 'default': leave engine.preset out"
-    with Scene(table) as other, pytest.raises(ConfigError) as error:
+    with ScenePipeline(table) as other, pytest.raises(ConfigError) as error:
         other([None, None])  # before any photo is read
     assert str(error.value) == message
 

@@ -9,7 +9,7 @@ import pytest
 
 from physic_core import Pipeline, load_config, load_reconstruction
 from physic_core.interfaces import PHOTO_INTERFACES
-from physic_scene import Scene
+from physic_scene import ScenePipeline
 from physic_testing.worlds import build_world, view_names
 
 QUIET = {name: {"options": {"noise": 0.25}} for name in PHOTO_INTERFACES}
@@ -24,7 +24,7 @@ def found():
     worlds = [build_world(name, 3, (240, 180)) for name in view_names("group", 3)]
     with Pipeline(config) as pipeline:
         alone = [pipeline(world.image) for world in worlds]
-    with Scene(config) as scene:
+    with ScenePipeline(config) as scene:
         return scene.join(alone, NAMES)
 
 

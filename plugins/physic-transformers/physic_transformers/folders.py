@@ -64,7 +64,7 @@ def find_folder(value: str) -> Path:
     return folder if folder.is_dir() else folder.parent
 
 
-def missing_file_messages(spec: ModelSpec, value: str) -> tuple[str, ...]:
+def missing_network_files(spec: ModelSpec, value: str) -> tuple[str, ...]:
     """Describe the missing files of a network, fast and without network access."""
     known = weights.read_manifest(MANIFEST)
     if value in known:

@@ -20,7 +20,7 @@ from physic_transformers.folders import (
     ModelSpec,
     check_model_type,
     find_folder,
-    missing_file_messages,
+    missing_network_files,
     model_fingerprint,
 )
 
@@ -50,7 +50,7 @@ class ModelOptions(Options):
     )
 
 
-class Network:
+class TransformersModel:
     """Loaded transformers model that takes numpy arrays and returns the library's outputs.
 
     Attributes:
@@ -94,11 +94,11 @@ class PretrainedBackend(Backend):
 
     def __init__(self, options: Any = None) -> None:
         super().__init__(options)
-        self._networks: dict[str, Network] = {}
+        self._networks: dict[str, TransformersModel] = {}
 
     def missing(self) -> tuple[str, ...]:
         """Describe the missing weights, and how to get them."""
-        return tuple(text for spec in self.specs for text in missing_file_messages(spec, self._value(spec)))
+        return tuple(text for spec in self.specs for text in missing_network_files(spec, self._value(spec)))
 
     def fingerprint(self) -> str:
         """Return the identity of the weights, independent of their path."""
@@ -116,15 +116,13 @@ class PretrainedBackend(Backend):
         if self._networks:
             return
         check_device(device)
-        self._networks = {
-            spec.option: open_network(spec, self._value(spec), self.options, device) for spec in self.specs
-        }
+        self._networks = {spec.option: open_model(spec, self._value(spec), self.options, device) for spec in self.specs}
 
     def close(self) -> None:
         """Release the networks."""
         self._networks = {}
 
-    def network(self, option: str = "weights") -> Network:
+    def network(self, option: str = "weights") -> TransformersModel:
         """Return the loaded network of a weights option.
 
         Raises:
@@ -147,7 +145,7 @@ def to_numpy(tensor: Any) -> NDArray[np.float32]:
     return np.asarray(plain, np.float32)
 
 
-def open_network(spec: ModelSpec, value: str, options: ModelOptions, device: str) -> Network:
+def open_model(spec: ModelSpec, value: str, options: ModelOptions, device: str) -> TransformersModel:
     """Load a model, and its tokenizer if it takes text.
 
     Args:
@@ -162,7 +160,7 @@ def open_network(spec: ModelSpec, value: str, options: ModelOptions, device: str
         BackendError: the folder holds another model, or not all of its weights.
     """
     _check_dtype(options.dtype, device)
-    if absent := missing_file_messages(spec, value):
+    if absent := missing_network_files(spec, value):
         raise WeightsMissingError("; ".join(absent))
     folder = find_folder(value)
     check_model_type(folder, spec)
@@ -187,7 +185,7 @@ def open_network(spec: ModelSpec, value: str, options: ModelOptions, device: str
     except Exception as cause:  # a library's door: what it raises for an unfit file is not documented
         raise BackendError(f"{folder} cannot be read as {spec.class_name}: {type(cause).__name__}: {cause}") from cause
     _check_complete(folder, spec, loading_info)
-    return Network(model.eval().to(device), tokenizer, threads=options.threads if device == "cpu" else 0)
+    return TransformersModel(model.eval().to(device), tokenizer, threads=options.threads if device == "cpu" else 0)
 
 
 def _check_dtype(dtype: str, device: str) -> None:

@@ -239,7 +239,7 @@ def test_networks_for_photos_are_read_from_the_published_ones_for_videos(
     folder = saved(f"{kind}_video")
     assert json.loads((folder / "config.json").read_text())["model_type"] == f"{kind}_video"
     spec = models.ModelSpec("weights", network, (kind, f"{kind}_video"))
-    own = models.open_network(spec, str(folder), models.ModelOptions(), "cpu")._model.state_dict()
+    own = models.open_model(spec, str(folder), models.ModelOptions(), "cpu")._model.state_dict()
     published = load_file(folder / "model.safetensors")
     assert len(own) < len(published)
     for name, tensor in own.items():

@@ -18,7 +18,7 @@ from physic_testing import violations
 from physic_transformers.depth_pro import DepthPro, DepthProOptions
 from physic_transformers.eomt import Eomt, EomtOptions, class_names
 from physic_transformers.grounded_sam2 import GroundedSam2, GroundedSam2Options, decode_text_boxes, format_prompt
-from physic_transformers.models import Network
+from physic_transformers.models import TransformersModel
 from physic_transformers.sam3 import Sam3, Sam3Options
 from physic_transformers.sapiens2 import Sapiens2, Sapiens2Options
 from physic_transformers.zoedepth import ZoeDepth, ZoeDepthOptions
@@ -160,7 +160,7 @@ class TestDepthPro:
         self, monkeypatch: pytest.MonkeyPatch, there: float, side: int, options: dict[str, float], refused: bool
     ) -> None:
         config = SimpleNamespace(patch_size=side, scaled_images_ratios=[0.25, 0.5, 1])
-        monkeypatch.setattr("physic_transformers.models.open_network", lambda *_: Recorded(config))
+        monkeypatch.setattr("physic_transformers.models.open_model", lambda *_: Recorded(config))
         monkeypatch.setattr("physic_transformers.depth_pro.memory_gb", lambda: there)
         backend = DepthPro(DepthProOptions(**options))
         if not refused:
@@ -262,7 +262,7 @@ class TestGroundedSam2:
                 return inputs
 
         box = np.array([[[1001.25, 3.0, 1007.5, 9.0]]], np.float32)
-        seen = Network(Model()).run(input_boxes=box, pixel_values=np.zeros((1, 3, 2, 2), np.float32))
+        seen = TransformersModel(Model()).run(input_boxes=box, pixel_values=np.zeros((1, 3, 2, 2), np.float32))
         np.testing.assert_array_equal(seen["input_boxes"].numpy(), box)
         assert seen["pixel_values"].dtype == torch.bfloat16
 

@@ -39,9 +39,9 @@ def view(
             "physic view needs viser, which is not installed: `pip install -e 'plugins/physic-viewer[live]'` in a "
             "checkout of PhySIC"
         )
-    from physic_viewer.sources import Source
+    from physic_viewer.sources import ResultSource
 
-    sources = [Source(folder) for folder in results]
+    sources = [ResultSource(folder) for folder in results]
     if not follow:
         for source in sources:
             if not source.find():

@@ -14,7 +14,7 @@ from physic_viewer.text import escape, result_text
 if TYPE_CHECKING:
     import viser
 
-    from physic_viewer.sources import FoundResult, Source
+    from physic_viewer.sources import FoundResult, ResultSource
 
 _WAITING = "waiting for a result"
 
@@ -34,7 +34,7 @@ class Slot:
         changed: called after another result was drawn or chosen.
     """
 
-    def __init__(self, server: viser.ViserServer, source: Source, node: str, changed: Callable[[], None]) -> None:
+    def __init__(self, server: viser.ViserServer, source: ResultSource, node: str, changed: Callable[[], None]) -> None:
         self.source, self.drawn, self._server, self._node, self._changed = source, None, server, node, changed
         self._found: list[FoundResult] = []
         self._loaded: FoundResult | None = None

@@ -31,7 +31,7 @@ class FoundResult:
         return max((time for time, _ in self.stamp), default=0)
 
 
-class Source:
+class ResultSource:
     """A folder that a user named: of one result, or of any number of them.
 
     Raises:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_viewer.drawing import DrawnResult
-    from physic_viewer.sources import Source
+    from physic_viewer.sources import ResultSource
 
     Array = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ class Viewer:
     """
 
     def __init__(
-        self, sources: Sequence[Source], host: str = "127.0.0.1", port: int = 8080, names: Sequence[str] = ()
+        self, sources: Sequence[ResultSource], host: str = "127.0.0.1", port: int = 8080, names: Sequence[str] = ()
     ) -> None:
         self.server = start_server(host, port, frozenset(name.lower() for name in ("localhost", host, *names)))
         self._lock = threading.RLock()

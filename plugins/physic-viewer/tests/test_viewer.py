@@ -24,7 +24,7 @@ from physic_core.visual.palette import CONTACT_PALETTE
 from physic_viewer import command, own_page
 from physic_viewer.drawing import SKINS
 from physic_viewer.shapes import build_shapes, nearest_on_ray
-from physic_viewer.sources import Source
+from physic_viewer.sources import ResultSource
 from physic_viewer.text import escape
 from physic_viewer.viewer import Viewer
 
@@ -46,7 +46,7 @@ def viewer_of():
     running = []
 
     def start(*folders: Path, names: tuple[str, ...] = ()) -> Viewer:
-        running.append(Viewer([Source(folder) for folder in folders], port=8500, names=names))
+        running.append(Viewer([ResultSource(folder) for folder in folders], port=8500, names=names))
         return running[-1]
 
     yield start
@@ -73,20 +73,20 @@ def ray_to(viewer: Viewer, slot: int, point: np.ndarray) -> tuple[np.ndarray, np
 
 
 def test_a_source_finds_one_result_or_all_below(saved, tmp_path):
-    (one,) = Source(saved).find()
+    (one,) = ResultSource(saved).find()
     assert (one.name, one.folder) == ("a_b-physic", saved)
     shutil.copytree(saved, tmp_path / "photos" / "2")
     shutil.copytree(saved, tmp_path / "photos" / "10")
     (tmp_path / "empty").mkdir()
-    assert [found.name for found in Source(tmp_path).find()] == ["photos/10", "photos/2"]
-    before = Source(tmp_path / "photos" / "2").find()
+    assert [found.name for found in ResultSource(tmp_path).find()] == ["photos/10", "photos/2"]
+    before = ResultSource(tmp_path / "photos" / "2").find()
     (tmp_path / "photos" / "2" / "reconstruction.npz").write_bytes(b"new")
-    assert Source(tmp_path / "photos" / "2").find() != before
+    assert ResultSource(tmp_path / "photos" / "2").find() != before
 
 
 def test_a_folder_that_is_not_there_is_an_error(tmp_path):
     with pytest.raises(InputError, match=r"^no folder .*nowhere: name the folder of a finished run, or a folder of "):
-        Source(tmp_path / "nowhere")
+        ResultSource(tmp_path / "nowhere")
 
 
 def test_shapes_are_upright_and_their_contact_lies_on_the_skin(result):
@@ -235,7 +235,7 @@ def test_only_the_names_and_addresses_of_this_machine_are_answered(saved, viewer
 def test_a_viser_that_does_not_refuse_other_sites_shows_nothing(saved, monkeypatch):
     monkeypatch.setattr(own_page, "refuse_foreign", lambda *_: None)
     with pytest.raises(BackendError, match=r"did not refuse a page of another site \(101 Switching Protocols\)"):
-        Viewer([Source(saved)], port=8500)
+        Viewer([ResultSource(saved)], port=8500)
 
 
 def test_text_of_others_is_not_markup():

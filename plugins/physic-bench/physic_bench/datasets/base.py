@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from physic_bench.damage import DamagedFileError
+from physic_bench.damage import DamagedFrameError
 from physic_core.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Source:
+class DataSource:
     """Where a part of a data set comes from.
 
     Attributes:
@@ -46,7 +46,7 @@ class Description:
     """
 
     title: str
-    sources: tuple[Source, ...]
+    sources: tuple[DataSource, ...]
     tree: str
     notes: tuple[str, ...]
 
@@ -139,16 +139,16 @@ def read_json(path: Path) -> Any:
     """Return the content of a JSON file.
 
     Raises:
-        DamagedFileError: it cannot be read, or is not JSON.
+        DamagedFrameError: it cannot be read, or is not JSON.
     """
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise DamagedFileError(f"{path} cannot be read: {error.strerror}") from error
+        raise DamagedFrameError(f"{path} cannot be read: {error.strerror}") from error
     except (ValueError, RecursionError) as error:
-        raise DamagedFileError(f"{path} is not valid JSON ({error}): it is damaged or truncated") from error
+        raise DamagedFrameError(f"{path} is not valid JSON ({error}): it is damaged or truncated") from error
 
 
-def missing_file_messages(root: Path, names: Sequence[tuple[str, str]]) -> list[str]:
+def missing_dataset_files(root: Path, names: Sequence[tuple[str, str]]) -> list[str]:
     """Return a sentence for each path (relative, what it is) or pattern that nothing exists for."""
     return [f"{root / name}: {what}" for name, what in names if next(root.glob(name), None) is None]

@@ -13,7 +13,7 @@ import numpy as np
 
 from physic_bench.cameras import Camera, calibrated
 from physic_bench.contract import Frame, Picture, TruePerson, Truth
-from physic_bench.datasets.base import DataSet, Description, FrameSet, Source, option
+from physic_bench.datasets.base import DataSet, DataSource, Description, FrameSet, option
 from physic_bench.joints import LIMB_JOINTS, full_names, is_upright, limb_joints
 from physic_bench.triangulation import match_views, visible_joints
 from physic_bench.wording import counted
@@ -69,7 +69,7 @@ class Calibrated(DataSet):
         """Return how to write such a folder."""
         return Description(
             "Photos of your own with known cameras, with measured joints or from several views.",
-            (Source("photos and calibration", "your laboratory", "yours"),),
+            (DataSource("photos and calibration", "your laboratory", "yours"),),
             TREE,
             (
                 "Pictures are undistorted before they are reconstructed, and the camera is given.",

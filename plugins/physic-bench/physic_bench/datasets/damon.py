@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from physic_bench.contract import Frame, Picture, TruePerson, Truth
-from physic_bench.damage import DamagedFileError, as_numbers, unreadable
-from physic_bench.datasets.base import DataSet, Description, FrameSet, Source, option
+from physic_bench.damage import DamagedFrameError, as_numbers, damaged_file_error
+from physic_bench.datasets.base import DataSet, DataSource, Description, FrameSet, option
 from physic_bench.pickled import read_object_rows
 from physic_bench.touched_classes import CLASSES, class_of_object
 from physic_core.files.npz import read_arrays
@@ -67,15 +67,15 @@ class Damon(DataSet):
         return Description(
             "DAMON: annotated contact of vertices on photos from the internet.",
             (
-                Source(
+                DataSource(
                     "hot_dca_test.npz", "the site of DECO, deco.is.tue.mpg.de, with an account", "DAMON dataset licence"
                 ),
-                Source(
+                DataSource(
                     "the photos that it names",
                     "the sites of HOT (hot.is.tue.mpg.de), HICO-DET and V-COCO",
                     "their own terms",
                 ),
-                Source(
+                DataSource(
                     "SMPL model file (--smpl), to carry contact of other bodies to its 6890 vertices",
                     "the site of SMPL, smpl.is.tue.mpg.de, with an account",
                     "SMPL licence: non-commercial research",
@@ -118,7 +118,7 @@ class Damon(DataSet):
         key, count = LABELS[options.mesh]
         contact = as_numbers(_array(file, key), f"{file}: '{key}'")
         if contact.shape != (len(names), count):
-            raise DamagedFileError(f"{file}: '{key}' must be ({len(names)}, {count}), got {contact.shape}")
+            raise DamagedFrameError(f"{file}: '{key}' must be ({len(names)}, {count}), got {contact.shape}")
         objects = _objects(file, OBJECTS[options.mesh], len(names), count)
         known: Bools = np.asarray(np.isfinite(contact).all(axis=1))
         frames, left_out = [], {}
@@ -132,7 +132,7 @@ class Damon(DataSet):
             labels = {"image": name}
             frames.append(Frame(identifier, identifier, load, None, Picture(picture) if picture else None, labels))
         if len({frame.id for frame in frames}) < len(frames):
-            raise DamagedFileError(f"{file} names a photo twice")
+            raise DamagedFrameError(f"{file} names a photo twice")
         return FrameSet(tuple(frames), (), left_out)
 
     def write_more(self, evaluation: Evaluation, out: Path, carrier: Carrier) -> list[Path]:
@@ -187,26 +187,26 @@ def _objects(file: Path, key: str, photos: int, count: int) -> list[dict[str, li
     """Return the vertices of each object in each photo; None if the file has no such labels.
 
     Raises:
-        DamagedFileError: the labels are not a dictionary of vertex ids per photo.
+        DamagedFrameError: the labels are not a dictionary of vertex ids per photo.
     """
     try:
         rows = read_object_rows(file, key)
     except KeyError:
         return None
     if len(rows) != photos:
-        raise DamagedFileError(f"{file}: '{key}' must have {photos} entries, got {len(rows)}")
+        raise DamagedFrameError(f"{file}: '{key}' must have {photos} entries, got {len(rows)}")
     return [_vertices_by_object(row, f"{file}: '{key}'", count) for row in rows]
 
 
 def _vertices_by_object(row: Any, where: str, count: int) -> dict[str, list[int]]:
     if not isinstance(row, dict) or not all(isinstance(name, str) for name in row):
-        raise DamagedFileError(f"{where} must be a dictionary from object to vertex ids for each photo")
+        raise DamagedFrameError(f"{where} must be a dictionary from object to vertex ids for each photo")
     found = {}
     for name, ids in row.items():
         vertices = np.asarray(ids)
         whole = vertices.dtype.kind in "iu" and vertices.ndim == 1
         if vertices.size and not (whole and vertices.min() >= 0 and vertices.max() < count):
-            raise DamagedFileError(f"{where} must hold vertex ids from 0 to {count - 1} for '{name}'")
+            raise DamagedFrameError(f"{where} must hold vertex ids from 0 to {count - 1} for '{name}'")
         found[name] = vertices.astype(np.int64).tolist()
     return found
 
@@ -226,7 +226,7 @@ def _picture(root: Path, name: str) -> Path | None:
 def _names(file: Path) -> list[str]:
     names = _array(file, "imgname")
     if names.ndim != 1 or names.dtype.kind not in "US":
-        raise DamagedFileError(f"{file}: 'imgname' must be a list of texts, got {names.shape} of {names.dtype}")
+        raise DamagedFrameError(f"{file}: 'imgname' must be a list of texts, got {names.shape} of {names.dtype}")
     return [name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name) for name in names.tolist()]
 
 
@@ -234,23 +234,23 @@ def _array(file: Path, name: str) -> Any:
     """Return one array: the others of the published file are Python objects, which are not read.
 
     Raises:
-        DamagedFileError: it is missing, damaged or a Python object.
+        DamagedFrameError: it is missing, damaged or a Python object.
     """
     try:
         with open_regular(file) as stream:
             return read_arrays(stream, [name])[name]
     except KeyError as error:
-        raise DamagedFileError(f"{file} has no '{name}'") from error
+        raise DamagedFrameError(f"{file} has no '{name}'") from error
     except ValueError as error:
         if "Python objects" not in str(error):
-            raise DamagedFileError(f"{file} cannot be read: {error}") from error
+            raise DamagedFrameError(f"{file} cannot be read: {error}") from error
     except Exception as error:  # of zipfile and its compressors, which have many
-        raise unreadable(file, error) from error
+        raise damaged_file_error(file, error) from error
     return _texts_of_pickled_array(file, name)
 
 
 def _texts_of_pickled_array(file: Path, name: str) -> Any:
-    raise DamagedFileError(
+    raise DamagedFrameError(
         f"{file}: '{name}' is an array of Python objects, which can run code and is not read; save it anew: "
         f"np.savez(NEW, **{{key: np.array(list(old[key])) for key in {json.dumps(['imgname', 'contact_label'])}}})"
     )

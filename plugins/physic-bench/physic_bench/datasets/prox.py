@@ -14,7 +14,7 @@ import numpy as np
 from physic_bench.cameras import Camera
 from physic_bench.contract import Frame, Picture, Surface, TruePerson, Truth
 from physic_bench.damage import (
-    DamagedFileError,
+    DamagedFrameError,
     as_numbers,
     item,
     naming,
@@ -24,15 +24,15 @@ from physic_bench.damage import (
 )
 from physic_bench.datasets.base import (
     DataSet,
+    DataSource,
     Description,
     FrameSet,
-    Source,
     listed_frames,
-    missing_file_messages,
+    missing_dataset_files,
     option,
     read_json,
 )
-from physic_bench.meshes import read_mesh, require_metres, scene_mesh
+from physic_bench.meshes import read_mesh, read_scene_mesh, require_metres
 from physic_bench.pickled import pickled_arrays
 from physic_bench.pictures import open_picture
 from physic_bench.projection import box_of_points, project
@@ -98,12 +98,12 @@ class Prox(DataSet):
         return Description(
             "PROX quantitative: one person in a scanned room, with bodies by motion capture.",
             (
-                Source(
+                DataSource(
                     "quantitative.zip",
                     "the site of PROX, prox.is.tue.mpg.de, with an account",
                     "PROX licence: non-commercial research",
                 ),
-                Source(
+                DataSource(
                     "SMPL-X model file SMPLX_MALE.npz (for joints, and to carry contact to other bodies)",
                     "the site of SMPL-X, smpl-x.is.tue.mpg.de, with an account",
                     "SMPL-X licence: non-commercial research",
@@ -134,7 +134,7 @@ class Prox(DataSet):
         ]
         if pictures:
             needed.append(("recordings/*/Color/*.jpg", "pictures"))
-        missing = missing_file_messages(root, needed)
+        missing = missing_dataset_files(root, needed)
         if options.mesh_frame not in ("auto", *MESH_FRAMES):
             missing.append(f"--mesh-frame is one of auto, {', '.join(MESH_FRAMES)} (got '{options.mesh_frame}')")
         if options.every < 1:
@@ -182,7 +182,7 @@ def decide_mesh_frame(root: Path, names: list[str], camera: Camera) -> tuple[str
     for name in names[:: max(len(names) // 10, 1)][:10]:
         try:
             keypoints, vertices = _keypoints(root, name), _mesh(root, name).vertices
-        except DamagedFileError as error:
+        except DamagedFrameError as error:
             reason = reason or f" ({error})"
             continue  # the frame is skipped with this reason when it is scored
         if keypoints is None or box_of_points(keypoints) is None:
@@ -231,7 +231,7 @@ def _truth(root: Path, name: str, kind: str, bodies: BodyFiles) -> Truth:
 
 @lru_cache(maxsize=2)
 def _scene(root: Path) -> Surface:
-    return scene_mesh(root / "scenes" / "vicon.ply")
+    return read_scene_mesh(root / "scenes" / "vicon.ply")
 
 
 def _joints(
@@ -269,7 +269,7 @@ def _model_note(root: Path, names: list[str], bodies: BodyFiles, kind: str) -> s
             mesh = _mesh(root, name).vertices
             with naming(file):
                 body = bodies.smplx_body(pickled_arrays(file), "male")
-        except DamagedFileError as error:
+        except DamagedFrameError as error:
             damaged = damaged or str(error)
             continue  # the frame is skipped with this reason when it is scored
         apart = float(np.linalg.norm(mesh - body.vertices, axis=1).mean())
@@ -314,11 +314,11 @@ def _mesh(root: Path, name: str) -> Surface:
     """Return the mesh of a frame in the file's frame of reference.
 
     Raises:
-        DamagedFileError: it is damaged, no SMPL-X mesh, or not in metres.
+        DamagedFrameError: it is damaged, no SMPL-X mesh, or not in metres.
     """
     mesh = read_mesh(_mesh_file(root, name))
     if len(mesh.vertices) != NUM_VERTICES:
-        raise DamagedFileError(
+        raise DamagedFrameError(
             f"{_mesh_file(root, name)} has {len(mesh.vertices)} vertices, where SMPL-X has {NUM_VERTICES}"
             f"{' (6890 is SMPL)' if len(mesh.vertices) == 6890 else ''}"
         )
@@ -340,7 +340,7 @@ def _keypoints(root: Path, name: str) -> Array | None:
     """Return the confident keypoints (n, 2) px of the first person of OpenPose; None without.
 
     Raises:
-        DamagedFileError: the file has another content.
+        DamagedFrameError: the file has another content.
     """
     recording, _, frame = name.partition("/")
     file = root / "keypoints" / recording / f"{frame}_keypoints.json"
@@ -349,7 +349,7 @@ def _keypoints(root: Path, name: str) -> Array | None:
     document = read_json(file)
     people = item(document, "people", file) if isinstance(document, dict) else None
     if not isinstance(people, list) or not all(isinstance(person, dict) for person in people):
-        raise DamagedFileError(f"{file} has no list of 'people'")
+        raise DamagedFrameError(f"{file} has no list of 'people'")
     if not people:
         return None
     points = number_array(people[0], "pose_keypoints_2d", file, (-1, 3))
@@ -372,10 +372,10 @@ def _camera(root: Path) -> Camera:
     file = root / "calibration" / "Color.json"
     record = read_json(file)
     if not isinstance(record, dict) or "camera_mtx" not in record:
-        raise DamagedFileError(f"{file} has no 'camera_mtx' of 3 x 3 numbers")
+        raise DamagedFrameError(f"{file} has no 'camera_mtx' of 3 x 3 numbers")
     K = require_finite(number_array(record, "camera_mtx", file, (3, 3)), f"{file}: 'camera_mtx'")
     if not (K[0, 0] > 0 and K[1, 1] > 0):
-        raise DamagedFileError(f"{file}: 'camera_mtx' has focal lengths {K[0, 0]:g} and {K[1, 1]:g} px")
+        raise DamagedFrameError(f"{file}: 'camera_mtx' has focal lengths {K[0, 0]:g} and {K[1, 1]:g} px")
     lens = [
         float(v) for v in require_finite(as_numbers(record.get("k", [0.0] * 5), f"{file}: 'k'"), f"{file}: 'k'").ravel()
     ]
@@ -388,7 +388,7 @@ def _camera(root: Path) -> Camera:
 def _size(root: Path) -> tuple[int, int]:
     """Return the size of the first picture that can be read, px; that of PROX's camera without one."""
     for picture in root.glob("recordings/*/Color/*.jpg"):
-        with suppress(DamagedFileError), open_picture(picture) as file:
+        with suppress(DamagedFrameError), open_picture(picture) as file:
             size: tuple[int, int] = file.size
             return size
     return SIZE
@@ -399,14 +399,14 @@ def _transform(path: Path) -> Array:
     """Return a rigid transform (4, 4).
 
     Raises:
-        DamagedFileError: it is not rigid: scaled (millimetres), or a mirror image.
+        DamagedFrameError: it is not rigid: scaled (millimetres), or a mirror image.
     """
     matrix = as_numbers(read_json(path), str(path))
     if matrix.shape != (4, 4):
-        raise DamagedFileError(f"{path} must be a 4 x 4 matrix, got {matrix.shape}")
+        raise DamagedFrameError(f"{path} must be a 4 x 4 matrix, got {matrix.shape}")
     require_rotation(matrix[:3, :3], f"the rotation of {path}")
     if not np.abs(matrix[:3, 3]).max() <= 100:
-        raise DamagedFileError(f"{path} moves by {np.abs(matrix[:3, 3]).max():.0f} m: lengths must be metres")
+        raise DamagedFrameError(f"{path} moves by {np.abs(matrix[:3, 3]).max():.0f} m: lengths must be metres")
     return matrix
 
 

@@ -15,24 +15,24 @@ from physic_bench.cameras import Camera
 from physic_bench.contract import Frame, Picture, Surface, TruePerson, Truth
 from physic_bench.damage import (
     GENDERS,
-    DamagedFileError,
+    DamagedFrameError,
+    damaged_file_error,
     naming,
     number_array,
     require_finite,
     require_rotation,
-    unreadable,
 )
 from physic_bench.datasets.base import (
     DataSet,
+    DataSource,
     Description,
     FrameSet,
-    Source,
     listed_frames,
-    missing_file_messages,
+    missing_dataset_files,
     option,
     read_json,
 )
-from physic_bench.meshes import read_vertex_colours, scene_mesh
+from physic_bench.meshes import read_scene_mesh, read_vertex_colours
 from physic_bench.pickled import pickled_arrays
 from physic_bench.pictures import open_picture
 from physic_core.errors import InputError
@@ -91,13 +91,13 @@ class Rich(DataSet):
         return Description(
             "RICH: one or two people in scanned places before several cameras, with annotated contact.",
             (
-                Source(
+                DataSource(
                     "bodies, human_scene_contact, images, scan_calibration of a split",
                     "the site of RICH, rich.is.tue.mpg.de, with an account",
                     "RICH licence: non-commercial research",
                 ),
-                Source("resource/gender.json", "the repository rich_toolkit of paulchhuang", "its licence"),
-                Source(
+                DataSource("resource/gender.json", "the repository rich_toolkit of paulchhuang", "its licence"),
+                DataSource(
                     "SMPL-X model files SMPLX_{NEUTRAL,MALE,FEMALE}.npz (--smplx FOLDER)",
                     "the site of SMPL-X, smpl-x.is.tue.mpg.de, with an account",
                     "SMPL-X licence: non-commercial research",
@@ -127,11 +127,11 @@ class Rich(DataSet):
             needed.append((f"human_scene_contact/{split}/*/*/*.{kind}", "annotated contact; or --contact rule"))
         if pictures:
             needed.append((f"images/{split}/*/cam_*/*", "pictures"))
-        missing = missing_file_messages(root, needed)
+        missing = missing_dataset_files(root, needed)
         if options.contact not in ("smpl", "smplx", "rule"):
             missing.append(f"--contact is smpl, smplx or rule (got '{options.contact}')")
         if options.contact == "rule":
-            missing += missing_file_messages(
+            missing += missing_dataset_files(
                 root, [("scan_calibration/*/scan_camcoord.ply", "scans, for contact by rule")]
             )
         if options.every < 1:
@@ -181,7 +181,7 @@ def _truth(root: Path, sequence: str, number: str, camera: Camera, options: Rich
     for file in sorted((root / "bodies" / options.split / sequence / number).glob("*.pkl")):
         gender = genders.get(str(int(file.stem)) if file.stem.isdecimal() else file.stem)
         if gender is None:
-            raise DamagedFileError(f"{root / 'resource' / 'gender.json'} has no subject {file.stem}")
+            raise DamagedFrameError(f"{root / 'resource' / 'gender.json'} has no subject {file.stem}")
         with naming(file):
             body = bodies.smplx_body(pickled_arrays(file), gender)
         contact, mesh = _contact(root, file, sequence, number, options)
@@ -206,11 +206,11 @@ def _genders(file: Path) -> dict[str, str]:
     """Return subject (without leading zeros) -> gender.
 
     Raises:
-        DamagedFileError: the file has another content.
+        DamagedFrameError: the file has another content.
     """
     found = read_json(file)
     if not isinstance(found, dict) or not all(value in GENDERS for value in found.values()):
-        raise DamagedFileError(f"{file} must be an object of subjects, each of them one of {', '.join(GENDERS)}")
+        raise DamagedFrameError(f"{file} must be an object of subjects, each of them one of {', '.join(GENDERS)}")
     return {str(int(key)) if key.isdecimal() else key: value for key, value in found.items()}
 
 
@@ -229,7 +229,7 @@ def _contact(
         found = require_finite(values, f"{file}: 'contact'") > 0
     wanted = 6890 if options.contact == "smpl" else 10475
     if len(found) != wanted:
-        raise DamagedFileError(
+        raise DamagedFrameError(
             f"{file} has contact of {len(found)} vertices, where {options.contact.upper()} has {wanted}"
         )
     return found, options.contact
@@ -238,31 +238,31 @@ def _contact(
 @lru_cache(maxsize=3)
 def _scan(folder: Path) -> Surface | None:
     file = folder / "scan_camcoord.ply"
-    return scene_mesh(file) if file.is_file() else None
+    return read_scene_mesh(file) if file.is_file() else None
 
 
 def _camera(root: Path, scene: str, view: int, picture: Path | None) -> Camera:
     file = root / "scan_calibration" / scene / "calibration" / f"{view:03d}.xml"
     if not file.is_file():
-        raise DamagedFileError(f"camera {view} of {scene} has no calibration: there is no file {file}")
+        raise DamagedFrameError(f"camera {view} of {scene} has no calibration: there is no file {file}")
     K, extrinsics = _matrix(file, "Intrinsics", (3, 3)), _matrix(file, "CameraMatrix", (3, 4))
     lens = _matrix(file, "Distortion", None)
     if len(lens) < 2:
-        raise DamagedFileError(f"{file}: Distortion must have 2 numbers or more, got {len(lens)}")
+        raise DamagedFrameError(f"{file}: Distortion must have 2 numbers or more, got {len(lens)}")
     k1, k2 = lens[:2]
     rotation = require_rotation(extrinsics[:, :3], f"{file}: the rotation of CameraMatrix")
     if np.abs(extrinsics[:, 3]).max() > MAX_RANGE_M:
-        raise DamagedFileError(f"{file}: the camera is {np.abs(extrinsics[:, 3]).max():.0f} m away: it must be metres")
+        raise DamagedFrameError(f"{file}: the camera is {np.abs(extrinsics[:, 3]).max():.0f} m away: it must be metres")
     width, height = round(2 * K[0, 2]), round(2 * K[1, 2])
     if not (K[0, 0] > 0 and K[1, 1] > 0 and width > 0 and height > 0):
-        raise DamagedFileError(f"{file}: Intrinsics has no positive focal lengths and principal point")
+        raise DamagedFrameError(f"{file}: Intrinsics has no positive focal lengths and principal point")
     if picture is not None:
         with open_picture(picture) as opened:
             size = opened.size
         # Pictures may have been made smaller by a half or a quarter: the calibration is for the full ones.
         factor = 2.0 ** round(math.log2(size[0] / width))
         if not all(0.8 < factor * full / own < 1.25 for own, full in zip(size, (width, height), strict=True)):
-            raise DamagedFileError(
+            raise DamagedFrameError(
                 f"the picture {picture} has {size[0]} x {size[1]} px, but the principal point of {file} is the middle "
                 f"of {width} x {height} px: a picture has that size, or a half or a quarter of it"
             )
@@ -276,18 +276,18 @@ def _matrix(file: Path, name: str, shape: tuple[int, int] | None) -> Array:
     try:
         node = ElementTree.parse(file).find(f"./{name}/data")
     except OSError as error:
-        raise unreadable(file, error) from error
+        raise damaged_file_error(file, error) from error
     except (ElementTree.ParseError, ValueError) as error:
-        raise DamagedFileError(f"{file} is not valid XML: it is damaged or truncated") from error
+        raise DamagedFrameError(f"{file} is not valid XML: it is damaged or truncated") from error
     if node is None or not node.text:
-        raise DamagedFileError(f"{file} has no {name}/data")
+        raise DamagedFrameError(f"{file} has no {name}/data")
     try:
         values = np.array([float(part) for part in node.text.split()])
     except ValueError as error:
-        raise DamagedFileError(f"{file}: {name} holds no numbers") from error
+        raise DamagedFrameError(f"{file}: {name} holds no numbers") from error
     require_finite(values, f"{file}: {name}")
     if shape is not None and values.size != shape[0] * shape[1]:
-        raise DamagedFileError(f"{file}: {name} must have {shape[0]} x {shape[1]} numbers, got {values.size}")
+        raise DamagedFrameError(f"{file}: {name} must have {shape[0]} x {shape[1]} numbers, got {values.size}")
     found: Array = values if shape is None else values.reshape(shape)
     return found
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from physic_bench.bodies import BodyFiles, PosedBody
 from physic_bench.contract import PredictedPerson
-from physic_bench.damage import DamagedFileError, as_numbers, naming, require_finite, unreadable
+from physic_bench.damage import DamagedFrameError, as_numbers, damaged_file_error, naming, require_finite
 from physic_bench.validation import check_prediction
 from physic_core.files.npz import read_arrays
 from physic_core.files.regular import open_regular
@@ -51,7 +51,7 @@ class ResultReader(ABC):
         """Read a result.
 
         Raises:
-            DamagedFileError: it is damaged.
+            DamagedFrameError: it is damaged.
             InputError: a body model file is missing.
         """
 
@@ -59,7 +59,7 @@ class ResultReader(ABC):
         """Return the result of a frame, or None if there is none.
 
         Raises:
-            DamagedFileError: it is damaged, or its arrays do not fit together.
+            DamagedFrameError: it is damaged, or its arrays do not fit together.
             InputError: a body model file is missing.
         """
         with naming(self.folder):
@@ -97,29 +97,29 @@ def archive_arrays(path: Path) -> dict[str, Any]:
     """Return all arrays of an .npz file, without unpickling.
 
     Raises:
-        DamagedFileError: it is missing, damaged, or holds Python objects.
+        DamagedFrameError: it is missing, damaged, or holds Python objects.
     """
     try:
         with open_regular(path) as stream:
             return dict(read_arrays(stream))
     except FileNotFoundError as error:
-        raise DamagedFileError(f"there is no file {path}") from error
+        raise DamagedFrameError(f"there is no file {path}") from error
     except ValueError as error:
         reason = (
             "it holds Python objects, which can run code: save arrays of numbers"
             if "Python objects" in str(error)
             else error
         )
-        raise DamagedFileError(f"{path} cannot be read: {reason}") from error
+        raise DamagedFrameError(f"{path} cannot be read: {reason}") from error
     except Exception as error:  # of zipfile and its compressors, which have many
-        raise unreadable(path, error) from error
+        raise damaged_file_error(path, error) from error
 
 
 def contact_of(given: Any) -> NDArray[np.bool_] | None:
     """Return contact (V,) bool of probabilities, or None.
 
     Raises:
-        DamagedFileError: they are not finite numbers.
+        DamagedFrameError: they are not finite numbers.
     """
     if given is None:
         return None

@@ -10,7 +10,7 @@ import numpy as np
 
 from physic_bench.bodies import BodyFiles
 from physic_bench.contract import PredictedPerson, Prediction
-from physic_bench.damage import DamagedFileError, as_numbers, number_array, require_finite
+from physic_bench.damage import DamagedFrameError, as_numbers, number_array, require_finite
 from physic_bench.readers.base import ResultReader, archive_arrays, contact_of, first_file, person_of_body
 from physic_bench.scene_surface import INSIDE_REACH_M
 
@@ -83,7 +83,7 @@ def people_of_release(
     Contact of the end is the rule of the released code on the scene points; that of the start is DECO's.
 
     Raises:
-        DamagedFileError: an array is missing or of another size.
+        DamagedFrameError: an array is missing or of another size.
         InputError: there is no SMPL-X file.
     """
     people = []
@@ -105,7 +105,7 @@ def release_parameters(arrays: Mapping[str, Any], prefix: str, path: Path) -> li
     """Return parameters of each person: rotation matrices, betas, transl.
 
     Raises:
-        DamagedFileError: an array is missing or of another size.
+        DamagedFrameError: an array is missing or of another size.
     """
     own = {name.removeprefix(f"{prefix}_"): arrays[name] for name in arrays if name.startswith(f"{prefix}_")}
     transl = next((own[name] for name in TRANSLATION if name in own), None)
@@ -113,7 +113,7 @@ def release_parameters(arrays: Mapping[str, Any], prefix: str, path: Path) -> li
     if transl is None:
         lacking.append(f"{' or '.join(TRANSLATION[:2])}")
     if lacking:
-        raise DamagedFileError(
+        raise DamagedFrameError(
             f"{path} has no {', '.join(f'{prefix}_{name}' for name in lacking)}; it has: {', '.join(sorted(arrays))}"
         )
     name = next(name for name in TRANSLATION if name in own)
@@ -137,7 +137,7 @@ def rotations_from_6d(given: Any, joints: int, name: str, path: Path) -> Array:
     Rotation vectors and matrices are taken too.
 
     Raises:
-        DamagedFileError: it has another size, or is not a rotation.
+        DamagedFrameError: it has another size, or is not a rotation.
     """
     values = require_finite(as_numbers(given, f"{path}: '{name}'").reshape(-1), f"{path}: '{name}'")
     if values.size != 6 * joints:
@@ -145,11 +145,11 @@ def rotations_from_6d(given: Any, joints: int, name: str, path: Path) -> Array:
 
         try:
             return rotations_of(values, joints, name)
-        except DamagedFileError as error:
-            raise DamagedFileError(f"{path}: {error}; 6 numbers a rotation were expected, {6 * joints}") from error
+        except DamagedFrameError as error:
+            raise DamagedFrameError(f"{path}: {error}; 6 numbers a rotation were expected, {6 * joints}") from error
     first, second = values.reshape(joints, 2, 3).swapaxes(0, 1)
     if (np.linalg.norm(np.cross(first, second), axis=-1) < MIN_CROSS).any():
-        raise DamagedFileError(f"{path}: '{name}' has columns of a rotation that are zero or parallel")
+        raise DamagedFrameError(f"{path}: '{name}' has columns of a rotation that are zero or parallel")
     x = first / np.linalg.norm(first, axis=-1, keepdims=True)
     y = second - (x * second).sum(-1, keepdims=True) * x
     y /= np.linalg.norm(y, axis=-1, keepdims=True)

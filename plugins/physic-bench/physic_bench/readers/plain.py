@@ -10,7 +10,7 @@ import numpy as np
 
 from physic_bench.bodies import SMPL_NAMES
 from physic_bench.contract import TOPOLOGY_OF_COUNT, PredictedPerson, Prediction
-from physic_bench.damage import DamagedFileError, as_numbers
+from physic_bench.damage import DamagedFrameError, as_numbers
 from physic_bench.meshes import require_metres
 from physic_bench.readers.base import (
     ResultReader,
@@ -117,7 +117,7 @@ def _classes(arrays: Mapping[str, Any], row: int, person: PredictedPerson, path:
     """Return the contact vertices of each class.
 
     Raises:
-        DamagedFileError: the classes are not known names, or not of the contact's vertices.
+        DamagedFrameError: the classes are not known names, or not of the contact's vertices.
     """
     if "contact_class" not in arrays or person.contact is None:
         return None
@@ -125,7 +125,7 @@ def _classes(arrays: Mapping[str, Any], row: int, person: PredictedPerson, path:
     unknown = sorted({*map(str, np.unique(names))} - {*CLASSES, ""})
     if unknown or names.shape != person.contact.shape:
         given = f"got {', '.join(map(repr, unknown[:5]))}" if unknown else f"got {names.shape}"
-        raise DamagedFileError(
+        raise DamagedFrameError(
             f"{path}: 'contact_class' must be (P, {person.contact.size}) of {', '.join(CLASSES)} or ''; {given}"
         )
     return contact_by_class(names)
@@ -145,14 +145,14 @@ def _count(arrays: Mapping[str, Any], path: Path) -> int:
             count = len(np.atleast_1d(arrays[name]))
             flat = next((n for n in arrays if _is_per_person(n) and np.ndim(arrays[n]) < 2), None)
             if flat is not None:
-                raise DamagedFileError(
+                raise DamagedFrameError(
                     f"{path}: the first axis of '{flat}' must be the people, got {np.shape(arrays[flat])}"
                 )
             other = next((n for n in arrays if _is_per_person(n) and len(arrays[n]) != count), None)
             if other is not None:
-                raise DamagedFileError(f"{path}: '{name}' is of {count} people and '{other}' of {len(arrays[other])}")
+                raise DamagedFrameError(f"{path}: '{name}' is of {count} people and '{other}' of {len(arrays[other])}")
             return count
-    raise DamagedFileError(
+    raise DamagedFrameError(
         f"{path} has none of vertices, joints, body_pose and contact (it has "
         f"{', '.join(sorted(arrays)) or 'nothing'}): see `physic evaluate readers`"
     )
@@ -169,7 +169,7 @@ def _names(joints: Array, path: Path) -> tuple[str, ...]:
         return SMPL_NAMES
     if len(joints) in (22, 55):
         return tuple(JOINT_NAMES[: len(joints)])
-    raise DamagedFileError(f"{path}: {len(joints)} joints need their names, as an array joint_names ({len(joints)},)")
+    raise DamagedFrameError(f"{path}: {len(joints)} joints need their names, as an array joint_names ({len(joints)},)")
 
 
 def _array(arrays: Mapping[str, Any], name: str, shape: tuple[int, ...], path: Path) -> Any:
@@ -180,7 +180,7 @@ def _array(arrays: Mapping[str, Any], name: str, shape: tuple[int, ...], path: P
 
 def _shaped(values: Array, shape: tuple[int, ...], name: str, path: Path) -> Array:
     if len(values.shape) != len(shape) or any(s not in (-1, n) for s, n in zip(shape, values.shape, strict=True)):
-        raise DamagedFileError(f"{path}: '{name}' must have the shape {shape}, got {values.shape}")
+        raise DamagedFrameError(f"{path}: '{name}' must have the shape {shape}, got {values.shape}")
     return values
 
 

@@ -14,7 +14,7 @@ Overrides = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
-class Row:
+class AblationRow:
     """One row of the ablation table.
 
     Attributes:
@@ -65,14 +65,14 @@ _FLOOR: Overrides = {
     "placement": {"floor_weight": 0.0},
 }
 
-ABLATION: tuple[Row, ...] = (
-    Row("L_reg + L_j2d", _without(_CONTACT, _PENETRATION, _DEPTH, _OCCLUSION, _FLOOR)),
-    Row("+ L_c", _without(_PENETRATION, _DEPTH, _OCCLUSION, _FLOOR)),
-    Row("+ L_i", _without(_DEPTH, _OCCLUSION, _FLOOR)),
-    Row("+ L_d", _without(_OCCLUSION, _FLOOR)),
-    Row("+ occ. aware L_i", _without(_FLOOR)),
-    Row("+ floor (full model)", {}),
-    Row("static contacts", {"joint": {"contact": {"source": "static"}}}),
-    Row("PROX", {}, preset="prox"),
+ABLATION: tuple[AblationRow, ...] = (
+    AblationRow("L_reg + L_j2d", _without(_CONTACT, _PENETRATION, _DEPTH, _OCCLUSION, _FLOOR)),
+    AblationRow("+ L_c", _without(_PENETRATION, _DEPTH, _OCCLUSION, _FLOOR)),
+    AblationRow("+ L_i", _without(_DEPTH, _OCCLUSION, _FLOOR)),
+    AblationRow("+ L_d", _without(_OCCLUSION, _FLOOR)),
+    AblationRow("+ occ. aware L_i", _without(_FLOOR)),
+    AblationRow("+ floor (full model)", {}),
+    AblationRow("static contacts", {"joint": {"contact": {"source": "static"}}}),
+    AblationRow("PROX", {}, preset="prox"),
 )
 """Rows of the ablation table; each row up to the full model adds one term to the previous one."""

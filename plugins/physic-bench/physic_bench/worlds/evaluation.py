@@ -104,7 +104,7 @@ WORLD_METRICS = {
 
 
 @dataclass(frozen=True)
-class Estimate:
+class WorldEstimate:
     """Reconstruction of the N people of a world, computed with the settings of one table row.
 
     The people are in the order of the estimators' output.
@@ -130,7 +130,7 @@ class Estimate:
     supports: tuple[Support | None, ...] | None = None
 
 
-def initial_estimate(evidence: Estimates, model: BodyModel, contact_probability: float) -> Estimate:
+def initial_estimate(evidence: Estimates, model: BodyModel, contact_probability: float) -> WorldEstimate:
     """Return the estimators' bodies before optimisation; vertices with a high contact probability are in contact."""
     import torch
 
@@ -144,7 +144,7 @@ def initial_estimate(evidence: Estimates, model: BodyModel, contact_probability:
     )
     with torch.inference_mode():
         body = model(rotations_from_parameters(parameters, model.device, model.dtype), betas, transl, expression)
-    return Estimate(
+    return WorldEstimate(
         vertices=body.vertices.cpu().numpy(),
         joints=body.joints.cpu().numpy(),
         contact=evidence.contact.probability >= contact_probability,
@@ -154,10 +154,10 @@ def initial_estimate(evidence: Estimates, model: BodyModel, contact_probability:
     )
 
 
-def engine_estimate(solution: Solution) -> Estimate:
-    """Return the engine's solution as an Estimate."""
+def engine_estimate(solution: Solution) -> WorldEstimate:
+    """Return the engine's solution as a WorldEstimate."""
     contacts = ContactMap(solution.contact, solution.contact_probability, solution.contact_partner, solution.partners)
-    return Estimate(
+    return WorldEstimate(
         solution.vertices,
         solution.joints,
         contacts.with_scene(),
@@ -223,7 +223,7 @@ class Evaluator:
             for i in range(len(world.masks))
         ]
 
-    def person_records(self, estimate: Estimate) -> list[dict[str, Any]]:
+    def person_records(self, estimate: WorldEstimate) -> list[dict[str, Any]]:
         """Return one record per true person: whether a body was found, and its metrics.
 
         Raises:
@@ -257,7 +257,7 @@ class Evaluator:
         """Return the records of all true people for a table row whose run failed."""
         return [{"found": False, "why": why, **self._missed(i)} for i in range(len(self.world.masks))]
 
-    def scene_record(self, estimate: Estimate) -> dict[str, Any]:
+    def scene_record(self, estimate: WorldEstimate) -> dict[str, Any]:
         """Return the errors of scene and floor; empty if the estimate has no scene."""
         if estimate.scene is None:
             return {}
@@ -278,7 +278,7 @@ class Evaluator:
             "all": asdict(error),
         }
 
-    def _pose(self, estimate: Estimate, rows: Indices, true: Indices) -> list[dict[str, Any]]:
+    def _pose(self, estimate: WorldEstimate, rows: Indices, true: Indices) -> list[dict[str, Any]]:
         """Return the pose errors of matched people."""
         world = self.world
         joints, fact = (np.asarray(a[:, BODY_JOINTS], np.float64) for a in (estimate.joints[rows], world.joints[true]))
@@ -293,7 +293,7 @@ class Evaluator:
         }
         return [{name: float(values[j]) for name, values in columns.items()} for j in range(len(rows))]
 
-    def _contact(self, estimate: Estimate, rows: Indices, true: Indices) -> list[dict[str, Any]]:
+    def _contact(self, estimate: WorldEstimate, rows: Indices, true: Indices) -> list[dict[str, Any]]:
         """Return the contact scores of matched people."""
         predicted, fact = estimate.contact[rows], self.world.contact[true]
         counts = contact_counts(predicted, fact)
@@ -313,20 +313,20 @@ class Evaluator:
             for j in range(len(rows))
         ]
 
-    def _partners(self, estimate: Estimate, row: int, person: int) -> dict[str, Any]:
+    def _partners(self, estimate: WorldEstimate, row: int, person: int) -> dict[str, Any]:
         """Return the counts of contact partners of a person; empty if the estimate has none."""
         if estimate.contacts is None:
             return {}
         true_person = dict(zip(self.matching.predicted.tolist(), self.matching.truth.tolist(), strict=True))
         return contact_counts_by_partner(self.world, estimate.contacts, row, person, true_person, self._part)
 
-    def _reported_support(self, estimate: Estimate, row: int, person: int) -> dict[str, int]:
+    def _reported_support(self, estimate: WorldEstimate, row: int, person: int) -> dict[str, int]:
         """Return the counts of body parts that carry a person; empty if the estimate has none."""
         if estimate.supports is None:
             return {}
         return self._support.counts(estimate.supports[row], self.world.support[person])
 
-    def _scene_touch(self, estimate: Estimate, rows: Indices, true: Indices) -> list[dict[str, float]]:
+    def _scene_touch(self, estimate: WorldEstimate, rows: Indices, true: Indices) -> list[dict[str, float]]:
         """Return penetration and floating of matched people relative to the reconstructed scene."""
         scene = estimate.scene
         if scene is None:

@@ -26,7 +26,7 @@ from physic_core.files.strict_json import to_json
 
 if TYPE_CHECKING:
     from physic_bench.worlds.evaluation import Evaluator
-    from physic_bench.worlds.table_rows import Row
+    from physic_bench.worlds.table_rows import TableRow
     from physic_core.body.model import BodyModel
     from physic_core.configuration.model import Config
     from physic_core.configuration.resolve import ResolvedPipeline
@@ -60,7 +60,7 @@ class BenchmarkJob:
     """
 
     config: Config
-    rows: tuple[Row, ...]
+    rows: tuple[TableRow, ...]
     folder: Path | None
 
 
@@ -179,7 +179,7 @@ def _record(case: WorldCase, work: BenchmarkJob) -> Record:
     return {**about, "rows": known}
 
 
-def _run_row(row: Row, evidence: Estimates, evaluator: Evaluator, model: BodyModel) -> Record:
+def _run_row(row: TableRow, evidence: Estimates, evaluator: Evaluator, model: BodyModel) -> Record:
     """Run the engine with the settings of one row and evaluate the result."""
     from physic_bench.worlds.evaluation import engine_estimate, initial_estimate
     from physic_core.pipeline.optimise import run_engine
@@ -238,7 +238,7 @@ def _cached_pipeline_and_body(config: str) -> tuple[ResolvedPipeline, BodyModel,
 # ---- what is kept ----------------------------------------------------------------------------------------------------
 
 
-def _load_row(folder: Path | None, row: Row) -> Record | None:
+def _load_row(folder: Path | None, row: TableRow) -> Record | None:
     """Load a cached row; None if there is none."""
     return None if folder is None else _read(folder / f"{row.digest}-{source_hash(_EVALUATION_CODE)}.json")
 

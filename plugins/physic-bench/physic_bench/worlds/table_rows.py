@@ -18,7 +18,7 @@ START, FULL, TRIAL = "start", "full", "trial"
 
 
 @dataclass(frozen=True)
-class Row:
+class TableRow:
     """One row of the ablation table.
 
     Attributes:
@@ -54,7 +54,7 @@ _KEYS = {
 """Label of each row in the engine -> key for ``--rows``, in table order."""
 
 
-def ablation_rows(preset: str) -> tuple[Row, ...]:
+def ablation_rows(preset: str) -> tuple[TableRow, ...]:
     """Return the start row and all ablation rows of an engine preset, in the paper's order.
 
     Raises:
@@ -63,10 +63,10 @@ def ablation_rows(preset: str) -> tuple[Row, ...]:
     from physic_bench.worlds.ablation import rows
 
     settings = rows(preset)
-    return (Row(START, "start (the estimators' own)", None), *(Row(_KEYS[n], n, settings[n]) for n in _KEYS))
+    return (TableRow(START, "start (the estimators' own)", None), *(TableRow(_KEYS[n], n, settings[n]) for n in _KEYS))
 
 
-def select_rows(preset: str, keys: Sequence[str]) -> tuple[Row, ...]:
+def select_rows(preset: str, keys: Sequence[str]) -> tuple[TableRow, ...]:
     """Select rows of the ablation table by key. The name of an engine preset is also a key.
 
     Args:
@@ -80,7 +80,7 @@ def select_rows(preset: str, keys: Sequence[str]) -> tuple[Row, ...]:
 
     rows = ablation_rows(preset)
     names = [name for name in engine_preset_names() if name not in _KEYS.values()]
-    others = tuple(Row(name, f"preset {name}", engine_preset(name)) for name in names)
+    others = tuple(TableRow(name, f"preset {name}", engine_preset(name)) for name in names)
     known = [row.key for row in (*rows, *others)]
     for key in keys:
         if key not in known:

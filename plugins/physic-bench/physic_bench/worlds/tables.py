@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Column:
+class TableColumn:
     """One column of a table.
 
     Attributes:
@@ -45,44 +45,44 @@ class Table:
 
 
 _PAPER_COLUMNS = (
-    Column("PA-MPJPE mm", "pa_mpjpe_mm", 1),
-    Column("MPJPE mm", "mpjpe_mm"),
-    Column("MPVPE mm", "mpvpe_mm"),
-    Column("contact P", "precision", 3),
-    Column("R", "recall", 3),
-    Column("F1", "f1_of_means", 3),
+    TableColumn("PA-MPJPE mm", "pa_mpjpe_mm", 1),
+    TableColumn("MPJPE mm", "mpjpe_mm"),
+    TableColumn("MPVPE mm", "mpvpe_mm"),
+    TableColumn("contact P", "precision", 3),
+    TableColumn("R", "recall", 3),
+    TableColumn("F1", "f1_of_means", 3),
 )
 _CONTACT_COLUMNS = (
-    Column("F1 of mean P, R", "f1_of_means", 3),
-    Column("F1 pooled", "f1_pooled", 3),
-    Column("F1 mean of images", "f1_mean_image", 3),
-    Column("geodesic FP cm", "geodesic_fp_cm", 1),
-    Column("geodesic FN cm", "geodesic_fn_cm", 1),
-    Column("hidden limbs PA mm", "hidden_limbs_pa_mm", 1),
+    TableColumn("F1 of mean P, R", "f1_of_means", 3),
+    TableColumn("F1 pooled", "f1_pooled", 3),
+    TableColumn("F1 mean of images", "f1_mean_image", 3),
+    TableColumn("geodesic FP cm", "geodesic_fp_cm", 1),
+    TableColumn("geodesic FN cm", "geodesic_fn_cm", 1),
+    TableColumn("hidden limbs PA mm", "hidden_limbs_pa_mm", 1),
 )
 _PARTNER_COLUMNS = (
-    Column("partner right", "partner_accuracy", 3),
-    Column("scene F1", "scene_contact_f1", 3),
-    Column("people F1", "people_contact_f1", 3),
-    Column("self F1", "self_contact_f1", 3),
-    Column("item R", "item_recall", 3),
-    Column("support F1", "support_f1", 3),
-    Column("reported support F1", "reported_support_f1", 3),
-    Column("Brier", "brier", 4),
-    Column("ECE", "ece", 3),
-    Column("ECE of p >= .1", "ece_likely", 3),
-    Column("ECE of unseen limbs", "ece_unseen", 3),
+    TableColumn("partner right", "partner_accuracy", 3),
+    TableColumn("scene F1", "scene_contact_f1", 3),
+    TableColumn("people F1", "people_contact_f1", 3),
+    TableColumn("self F1", "self_contact_f1", 3),
+    TableColumn("item R", "item_recall", 3),
+    TableColumn("support F1", "support_f1", 3),
+    TableColumn("reported support F1", "reported_support_f1", 3),
+    TableColumn("Brier", "brier", 4),
+    TableColumn("ECE", "ece", 3),
+    TableColumn("ECE of p >= .1", "ece_likely", 3),
+    TableColumn("ECE of unseen limbs", "ece_unseen", 3),
 )
 _SCENE_COLUMNS = (
-    Column("penetration mm", "penetration_mm", 1),
-    Column("volume l", "penetration_litres", 2),
-    Column("floating mm", "floating_mm", 1),
-    Column("true penetration mm", "true_penetration_mm", 1),
-    Column("true floating mm", "true_floating_mm", 1),
-    Column("scene points mm", "scene_point_mm"),
-    Column("scale error %", "scene_scale_percent", 1),
-    Column("floor height mm", "floor_height_mm"),
-    Column("engine s", "seconds", 1, interval=False),
+    TableColumn("penetration mm", "penetration_mm", 1),
+    TableColumn("volume l", "penetration_litres", 2),
+    TableColumn("floating mm", "floating_mm", 1),
+    TableColumn("true penetration mm", "true_penetration_mm", 1),
+    TableColumn("true floating mm", "true_floating_mm", 1),
+    TableColumn("scene points mm", "scene_point_mm"),
+    TableColumn("scale error %", "scene_scale_percent", 1),
+    TableColumn("floor height mm", "floor_height_mm"),
+    TableColumn("engine s", "seconds", 1, interval=False),
 )
 
 _Rows = Mapping[str, "RowStatistics"]
@@ -197,7 +197,7 @@ def as_markdown(table: Table) -> str:
     return "\n".join([f"## {table.title}", "", cells, "", *(f"{note}  " for note in table.notes)])
 
 
-def _figures_table(title: str, rows: _Rows, labels: Mapping[str, str], columns: Sequence[Column]) -> Table:
+def _figures_table(title: str, rows: _Rows, labels: Mapping[str, str], columns: Sequence[TableColumn]) -> Table:
     """Build a table of statistics, one row per table row."""
     body = tuple((labels[key], *(_text(f.figures[c.figure], c) for c in columns)) for key, f in rows.items())
     return Table(title, ("", *(c.title for c in columns)), body)
@@ -273,7 +273,7 @@ def _action_table(actions: Mapping[str, Mapping[str, Mapping[str, Any]]], labels
     return [Table(f"By action: {labels[chosen]}", tuple(head), tuple(body), notes)]
 
 
-def _text(figure: ValueWithInterval | None, column: Column) -> str:
+def _text(figure: ValueWithInterval | None, column: TableColumn) -> str:
     """Format a statistic."""
     if figure is None or not math.isfinite(figure.value):
         return "–"

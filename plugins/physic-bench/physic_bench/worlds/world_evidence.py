@@ -123,14 +123,6 @@ def _hash(root: Path, paths: Iterable[Path]) -> str:
     return digest.hexdigest()[:16]
 
 
-def cache_folder() -> Path:
-    """Return the default cache folder of the benchmark: ``physic/bench`` in the user's cache folder."""
-    import os
-
-    base = os.environ.get("XDG_CACHE_HOME", "")
-    return (Path(base) if base else Path.home() / ".cache") / "physic" / "bench"
-
-
 def benchmark_cases(count: int, seed: int, size: tuple[int, int], actions: str = "default") -> tuple[WorldCase, ...]:
     """Return the worlds of the benchmark for a seed.
 

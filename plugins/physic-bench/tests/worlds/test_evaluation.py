@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from physic_bench.worlds.evaluation import PERSON_METRICS, WORLD_METRICS, Estimate, Evaluator
+from physic_bench.worlds.evaluation import PERSON_METRICS, WORLD_METRICS, Evaluator, WorldEstimate
 from physic_core.body import load_body
 from physic_core.errors import PhysicError
 from physic_core.types import Scene
@@ -29,7 +29,7 @@ def truth(world):
     points = world.points(people=False)
     valid = np.isfinite(points).all(-1)
     scene = Scene(points, world.empty_normals, world.empty_image, valid, world.floor, np.zeros((0, 3), np.float32))
-    return Estimate(world.vertices, world.joints, world.contact, scene, world.intrinsics, ("",) * len(world.masks))
+    return WorldEstimate(world.vertices, world.joints, world.contact, scene, world.intrinsics, ("",) * len(world.masks))
 
 
 def test_the_truth_is_perfect(world, truth, skin):
@@ -76,7 +76,7 @@ def test_a_body_sunk_into_the_floor_penetrates_by_as_much(skin):
     valid = np.isfinite(points).all(-1)
     scene = Scene(points, world.empty_normals, world.empty_image, valid, world.floor, np.zeros((0, 3), np.float32))
     sunk = (-0.03 * np.asarray(world.floor.normal)).astype(np.float32)
-    estimate = Estimate(world.vertices + sunk, world.joints + sunk, world.contact, scene, world.intrinsics, ("",))
+    estimate = WorldEstimate(world.vertices + sunk, world.joints + sunk, world.contact, scene, world.intrinsics, ("",))
     (person,) = Evaluator(world, world.masks, skin).person_records(estimate)
     assert person["penetration_max_mm"] == pytest.approx(30, abs=1.5)
     assert 5 < person["penetration_mm"] < 30
@@ -98,7 +98,7 @@ def test_the_true_scene_is_compared_after_the_scale_of_the_reconstructed_one(wor
 
 def test_people_are_matched_to_the_truth_in_any_order(world, truth, skin):
     order = [1, 0]
-    turned = Estimate(
+    turned = WorldEstimate(
         truth.vertices[order], truth.joints[order], truth.contact[order], truth.scene, truth.intrinsics, ("no step", "")
     )
     people = Evaluator(world, world.masks[order], skin).person_records(turned)
@@ -108,7 +108,7 @@ def test_people_are_matched_to_the_truth_in_any_order(world, truth, skin):
 
 def test_a_person_who_is_not_found_scores_zero(world, truth, skin):
     evaluator = Evaluator(world, world.masks[:1], skin)
-    only = Estimate(truth.vertices[:1], truth.joints[:1], truth.contact[:1], truth.scene, truth.intrinsics, ("",))
+    only = WorldEstimate(truth.vertices[:1], truth.joints[:1], truth.contact[:1], truth.scene, truth.intrinsics, ("",))
     first, second = evaluator.person_records(only)
     assert first["found"]
     facts = {

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel
     from physic_core.types import Skeleton
-    from physic_embedded.body_fit.observations import Observations
+    from physic_embedded.body_fit.observations import BodyObservations
     from physic_embedded.body_fit.outline_pairs import OutlinePairs
     from physic_embedded.body_fit.problem import FitProblem, FitSettings, FloorConstraint, InitialPose
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class BodyFit:
+class FittedBodies:
     """Fitted bodies of N people in the camera frame, metres; tensors of the model's float type.
 
     Attributes:
@@ -60,7 +60,7 @@ class BodyFit:
 
 def fit_bodies(
     model: BodyModel,
-    observations: Observations,
+    observations: BodyObservations,
     camera: FloatArray,
     skeleton: Skeleton,
     start: InitialPose,
@@ -68,7 +68,7 @@ def fit_bodies(
     *,
     floor: FloorConstraint | None = None,
     starts: int = 1,
-) -> BodyFit:
+) -> FittedBodies:
     """Fit the body model to the keypoints and landmarks of N people, and return the best fit of each person.
 
     Args:
@@ -92,7 +92,7 @@ def fit_bodies(
     return _body_fit(model, problem, minimize_newton(problem, unknowns[rows]))
 
 
-def fit_outlines(model: BodyModel, fit: BodyFit, pairs: OutlinePairs) -> BodyFit:
+def fit_outlines(model: BodyModel, fit: FittedBodies, pairs: OutlinePairs) -> FittedBodies:
     """Continue a fit of N people with pairs of points on the outlines of bodies and masks.
 
     The fit is a minimum without the pairs, so near to the one with them that Newton's method starts there.
@@ -127,14 +127,14 @@ def _minimize_lbfgs(problem: FitProblem, unknowns: Tensor, iterations: int) -> T
     return torch.from_numpy(found.x.reshape(unknowns.shape)).to(unknowns.dtype)
 
 
-def _body_fit(model: BodyModel, problem: FitProblem, unknowns: Tensor) -> BodyFit:
+def _body_fit(model: BodyModel, problem: FitProblem, unknowns: Tensor) -> FittedBodies:
     with torch.no_grad():
         loss, _, projected = problem.terms(unknowns)
         body = problem.decode(unknowns)
         seen = (problem.confidence > 0.5).to(model.dtype)
         miss = (projected - problem.points).norm(dim=-1) * seen
         joints = model(body.rotations, body.betas, body.transl, joints_only=True).joints
-        return BodyFit(
+        return FittedBodies(
             body.rotations.detach(),
             body.betas.detach(),
             body.transl.detach(),

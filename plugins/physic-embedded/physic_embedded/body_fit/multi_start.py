@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel
     from physic_core.types import Skeleton
-    from physic_embedded.body_fit.fit import BodyFit
-    from physic_embedded.body_fit.observations import Observations
+    from physic_embedded.body_fit.fit import FittedBodies
+    from physic_embedded.body_fit.observations import BodyObservations
     from physic_embedded.body_fit.problem import FitSettings
 
     FloatArray = NDArray[np.floating]
@@ -31,8 +31,8 @@ _SIT = {"hip": -1.4, "knee": 1.4}
 
 
 def fit_without_world_landmarks(
-    model: BodyModel, observations: Observations, camera: FloatArray, skeleton: Skeleton, settings: FitSettings
-) -> BodyFit:
+    model: BodyModel, observations: BodyObservations, camera: FloatArray, skeleton: Skeleton, settings: FitSettings
+) -> FittedBodies:
     """Fit each person from eight initial poses in one optimisation, and return each person's best fit."""
     mean = pose_prior().mean
     sitting = mean.copy()

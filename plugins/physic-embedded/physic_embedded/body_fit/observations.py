@@ -39,7 +39,7 @@ _BESIDE_SHARE, _ABOVE_HIPS_SHARE = 0.5, 0.15  # widths and heights of the mask i
 
 
 @dataclass(frozen=True)
-class Observations:
+class BodyObservations:
     """Keypoints, 3D landmarks, sizes and viewing directions of N people; J keypoints.
 
     Attributes:
@@ -70,7 +70,7 @@ def rotation_to_ray(ray: FloatArray) -> FloatArray:
     return np.asarray(np.eye(3) + skew + skew @ skew / (1 + z[2]))
 
 
-def observe_people(keypoints: Keypoints, people: People, intrinsics: Intrinsics) -> Observations:
+def observe_people(keypoints: Keypoints, people: People, intrinsics: Intrinsics) -> BodyObservations:
     """Compute weights, sizes and viewing rays of all people.
 
     Legs that are not visible are set to hang straight down, or as people sit if a seat is seen beside the hips.
@@ -118,7 +118,7 @@ def observe_people(keypoints: Keypoints, people: People, intrinsics: Intrinsics)
             for joint, place in _guessed_legs(world[i], row, turn[i], seated).items():
                 world[i, joint] = place
                 world_weight[i, joint] = _LEAST_WORLD_WEIGHT
-    return Observations(points, weight, confidence, size, turn, world, world_weight)
+    return BodyObservations(points, weight, confidence, size, turn, world, world_weight)
 
 
 def _guessed_legs(world: FloatArray, row: dict[str, int], turn: FloatArray, seated: bool) -> dict[int, FloatArray]:

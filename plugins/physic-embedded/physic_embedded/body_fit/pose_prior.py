@@ -49,7 +49,7 @@ class PosePrior:
 
 
 @dataclass(frozen=True)
-class Hinge:
+class HingeJoint:
     """Joint that bends about one axis in one direction.
 
     Attributes:
@@ -97,10 +97,10 @@ def pose_prior(*, tight: bool = False) -> PosePrior:
     return PosePrior(mean, sigma)
 
 
-def hinge_joints() -> tuple[Hinge, ...]:
+def hinge_joints() -> tuple[HingeJoint, ...]:
     """Return the hinge joints: knees and elbows."""
-    knees = [Hinge(JOINT_INDEX[f"{side}_knee"] - 1, 0, 1.0) for side in ("left", "right")]
-    elbows = [Hinge(JOINT_INDEX[f"{side}_elbow"] - 1, 1, -_side(f"{side}_")) for side in ("left", "right")]
+    knees = [HingeJoint(JOINT_INDEX[f"{side}_knee"] - 1, 0, 1.0) for side in ("left", "right")]
+    elbows = [HingeJoint(JOINT_INDEX[f"{side}_elbow"] - 1, 1, -_side(f"{side}_")) for side in ("left", "right")]
     return (*knees, *elbows)
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel, LandmarkModel
     from physic_core.types import Skeleton
-    from physic_embedded.body_fit.observations import Observations
+    from physic_embedded.body_fit.observations import BodyObservations
     from physic_embedded.body_fit.outline_pairs import OutlinePairs
 
     BoolArray = NDArray[np.bool_]
@@ -284,7 +284,7 @@ class FitProblem:
 
 def fit_problem(
     model: BodyModel,
-    observations: Observations,
+    observations: BodyObservations,
     camera: FloatArray,
     skeleton: Skeleton,
     start: InitialPose,

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel
     from physic_core.types import People, Pointmap
-    from physic_embedded.body_fit.fit import BodyFit
-    from physic_embedded.body_fit.observations import Observations
+    from physic_embedded.body_fit.fit import FittedBodies
+    from physic_embedded.body_fit.observations import BodyObservations
 
     BoolArray = NDArray[np.bool_]
     FloatArray = NDArray[np.floating]
@@ -58,8 +58,8 @@ class _Outline:
 
 def outline_pairs(
     model: BodyModel,
-    fit: BodyFit,
-    observations: Observations,
+    fit: FittedBodies,
+    observations: BodyObservations,
     people: People,
     camera: FloatArray,
     photo: Pointmap | None,

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.types import Skeleton
-    from physic_embedded.body_fit.observations import Observations
+    from physic_embedded.body_fit.observations import BodyObservations
 
     FloatArray = NDArray[np.floating]
 
@@ -99,7 +99,9 @@ def translation_from_points(
     return np.asarray(solution) if solution[2] > 0.2 else None
 
 
-def initial_translation(landmarks: FloatArray, observations: Observations, i: int, camera: FloatArray) -> FloatArray:
+def initial_translation(
+    landmarks: FloatArray, observations: BodyObservations, i: int, camera: FloatArray
+) -> FloatArray:
     """Return the translation for which the landmarks (J, 3) of person ``i`` project onto this person's keypoints."""
 
     found = translation_from_points(landmarks, observations.points[i], observations.confidence[i], camera)

@@ -89,7 +89,7 @@ class MaskProposals:
     raw: Float
 
 
-def encode_image(session: OnnxSession, image: NDArray[np.uint8]) -> ImageEmbedding:
+def embed_image(session: OnnxSession, image: NDArray[np.uint8]) -> ImageEmbedding:
     """Encode a photo (H, W, 3) with the ``mobilesam_encoder``."""
     import cv2
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Detection:
+class BoxDetection:
     """Detected box with keypoints and score.
 
     Attributes:
@@ -48,7 +48,7 @@ def anchor_centers(size: int, layers: tuple[tuple[int, int], ...]) -> Float:
 
 def decode_detections(
     raw: Float, logits: Float, anchors: Float, size: int, threshold: float, overlap: float = 0.3
-) -> list[Detection]:
+) -> list[BoxDetection]:
     """Decode network output to detections in pixel-edge coordinates of the ``size`` px input, best first.
 
     Detections whose boxes overlap are averaged with their scores as weights, as in MediaPipe.
@@ -79,5 +79,5 @@ def decode_detections(
         group[i] = True
         left &= ~group
         weight = scores[group] / scores[group].sum()
-        found.append(Detection(weight @ boxes[group], np.tensordot(weight, points[group], 1), float(scores[i])))
+        found.append(BoxDetection(weight @ boxes[group], np.tensordot(weight, points[group], 1), float(scores[i])))
     return found

@@ -15,7 +15,7 @@ import numpy as np
 from physic_core.adapters.detections import box_iou
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare, letterbox_square
 from physic_embedded.networks.pose import average_agreeing, person_square, predict_pose
-from physic_embedded.networks.single_shot_detection import Detection, anchor_centers, decode_detections
+from physic_embedded.networks.single_shot_detection import BoxDetection, anchor_centers, decode_detections
 from physic_embedded.networks.tiles import tiles
 from physic_embedded.networks.yolox import detect_boxes
 from physic_embedded.segmentation.hidden_people import grey_out
@@ -295,7 +295,7 @@ def _iou(a: Float, b: Float) -> float:
 
 def detect_people(
     session: OnnxSession, picture: ImagePyramid, threshold: float, tile_threshold: float, fractions: Sequence[float]
-) -> list[Detection]:
+) -> list[BoxDetection]:
     """Detect candidate people in the full photo, its tiles and their mirror images: photo px, best score first.
 
     Overlapping detections are merged. Keypoint 0 of a candidate lies between the hips, keypoint 1 at the radius that
@@ -323,7 +323,7 @@ def detect_people(
         return at
 
     anchors = anchor_centers(DETECTOR_SIZE, DETECTOR_LAYERS)
-    found: list[Detection] = []
+    found: list[BoxDetection] = []
     for x, y, side, lowest in [(0, 0, max(h, w), threshold), *((*t, tile_threshold) for t in tiles(w, h, fractions))]:
         shown, square = letterbox_square(image[y : y + side, x : x + side], DETECTOR_SIZE, (x, y))
         for mirrored in (False, True):
@@ -335,21 +335,21 @@ def detect_people(
                     points[:, 0] = DETECTOR_SIZE - points[:, 0]
                     points[:2, 0] = points[1::-1, 0]
                 points = to_photo(square.to_photo(points, DETECTOR_SIZE))
-                found.append(Detection(points[:2].ravel(), points[2:], d.score))
+                found.append(BoxDetection(points[:2].ravel(), points[2:], d.score))
     return merge_candidates(found)
 
 
-def merge_candidates(found: Sequence[Detection], nearness: float = 0.35, overlap: float = 0.3) -> list[Detection]:
+def merge_candidates(found: Sequence[BoxDetection], nearness: float = 0.35, overlap: float = 0.3) -> list[BoxDetection]:
     """Merge detections of the same person and keep the best.
 
     Two candidates do when their mid hips are nearer than ``nearness`` times the larger body radius, or when their boxes
     overlap by more than ``overlap`` (intersection over union).
     """
 
-    def radius(d: Detection) -> float:
+    def radius(d: BoxDetection) -> float:
         return float(np.linalg.norm(d.keypoints[1] - d.keypoints[0]))
 
-    kept: list[Detection] = []
+    kept: list[BoxDetection] = []
     for d in sorted(found, key=lambda d: -d.score):
         if all(
             np.linalg.norm(d.keypoints[0] - k.keypoints[0]) > nearness * max(radius(d), radius(k))

@@ -120,7 +120,7 @@ class HumanPoints(ShortRepr):
         )
 
 
-class ChamferTerm(Term):
+class ChamferDepthTerm(Term):
     """Depth term as in the paper: Chamfer distance (Eq. 4), for all people."""
 
     def __init__(self, settings: ChamferSettings, context: JointContext) -> None:

@@ -12,7 +12,7 @@ from physic_testing.conformance.expect import CheckSkipped
 from physic_testing.conformance.truth import (
     comparable_keypoints,
     contact_on_embedded,
-    posed_bodies,
+    embedded_surface,
     rotation_errors_deg,
     true_hands,
     true_wrists,
@@ -180,7 +180,7 @@ def _keypoint_detector(answer: Keypoints, case: Case) -> dict[str, float]:
 
 
 def _body_estimator(answer: Bodies, case: Case) -> dict[str, float]:
-    joints, true = posed_bodies(answer)[1][:, BODY_JOINTS], case.truth.joints[:, BODY_JOINTS].astype(np.float64)
+    joints, true = embedded_surface(answer)[1][:, BODY_JOINTS], case.truth.joints[:, BODY_JOINTS].astype(np.float64)
     return {"MPJPE, mm": float(mpjpe_mm(joints, true).mean()), "PA-MPJPE, mm": float(pa_mpjpe_mm(joints, true).mean())}
 
 

@@ -19,7 +19,7 @@ from physic_core.interfaces import INTERFACES, Backend
 from physic_core.interfaces.checks import require_image
 from physic_testing.conformance.bias import MIN_UNITS
 from physic_testing.conformance.cases import EVIDENCE, EVIDENCE_OF_HANDS, SIZE, build_case
-from physic_testing.conformance.contract import contract_violations
+from physic_testing.conformance.contract import case_violations
 from physic_testing.conformance.expect import CheckSkipped
 from physic_testing.conformance.field_comparison import changed_fields
 from physic_testing.conformance.network_and_memory import no_network
@@ -284,7 +284,7 @@ class BackendUnderTest:
             answer = self.infer(backend, case, given)
         except (Exception, SystemExit) as error:
             return CaseRun(None, None, error, (), self._changed(before, given))
-        faults = tuple(contract_violations(self.interface, answer, case))
+        faults = tuple(case_violations(self.interface, answer, case))
         return CaseRun(deepcopy(answer), answer, None, faults, self._changed(before, given))
 
     def _changed(self, before: tuple[Any, ...], given: tuple[Any, ...]) -> tuple[str, ...]:

@@ -23,10 +23,10 @@ from physic_testing.conformance.output_checks import HINT_CHECKS, PEOPLE_CHECKS
 from physic_testing.conformance.row_order import check_rows_follow_the_people
 from physic_testing.conformance.truth import (
     embedded_body,
+    embedded_surface,
     mirrored_order,
     model_of,
     parameters_of_model,
-    posed_bodies,
     rotation_errors_deg,
 )
 
@@ -115,7 +115,7 @@ def check_mesh_is_close_to_the_joints(subject: BackendUnderTest) -> None:
 
 def check_bodies_are_in_front(subject: BackendUnderTest) -> None:
     """The pelvis is in front of the camera: z is positive."""
-    z = posed_bodies(subject.result())[1][:, 0, 2]
+    z = embedded_surface(subject.result())[1][:, 0, 2]
     expect(
         bool((z > 0).all()),
         "a pelvis in front of the camera, z > 0 (OpenCV: x right, y down, z forward)",
@@ -126,7 +126,7 @@ def check_bodies_are_in_front(subject: BackendUnderTest) -> None:
 
 def check_bodies_are_in_metres(subject: BackendUnderTest) -> None:
     """The distance of the pelvis to the camera is within a factor of 3 of the true distance."""
-    joints, truth = posed_bodies(subject.result())[1], subject.case("one person").truth
+    joints, truth = embedded_surface(subject.result())[1], subject.case("one person").truth
     own, true = (np.linalg.norm(j[:, 0], axis=1) for j in (joints, truth.joints))
     ratio = float(np.median(own / true))
     expect(
@@ -140,7 +140,7 @@ def check_bodies_are_in_metres(subject: BackendUnderTest) -> None:
 def check_bodies_project_into_the_boxes(subject: BackendUnderTest) -> None:
     """With the given intrinsics, most body joints project into the person's box."""
     case = subject.case("one person")
-    pixels = _project(posed_bodies(subject.result())[1][:, :22], case.intrinsics)
+    pixels = _project(embedded_surface(subject.result())[1][:, :22], case.intrinsics)
     boxes = case.people.boxes
     grown = MARGIN * (boxes[:, 2:] - boxes[:, :2]).max(axis=1)[:, None, None]
     inside = (pixels > boxes[:, None, :2] - grown) & (pixels < boxes[:, None, 2:] + grown)
@@ -306,7 +306,7 @@ def _people(subject: BackendUnderTest) -> list[list[_Person]]:
     photos = []
     for case, bodies in subject.evidence():
         given, truth = parameters_of_model(bodies), case.truth
-        joints, true = posed_bodies(bodies)[1][:, :_BODY], truth.joints[:, :_BODY].astype(np.float64)
+        joints, true = embedded_surface(bodies)[1][:, :_BODY], truth.joints[:, :_BODY].astype(np.float64)
         at, place = joints[:, 0], true[:, 0]
         across = (at[:, :2] / at[:, 2:] - place[:, :2] / place[:, 2:]) * place[:, 2:]
         distance = np.log(np.linalg.norm(at, axis=1) / np.linalg.norm(place, axis=1))

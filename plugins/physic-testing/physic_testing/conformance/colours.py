@@ -9,7 +9,7 @@ import numpy as np
 from physic_core.errors import BodyModelError, PhysicError
 from physic_testing.conformance.accuracy import MAIN_ERROR, main_error
 from physic_testing.conformance.check import Check
-from physic_testing.conformance.contract import contract_violations
+from physic_testing.conformance.contract import case_violations
 from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.requests import infer_arguments
 
@@ -34,7 +34,7 @@ def check_reads_images_as_rgb(subject: BackendUnderTest) -> None:
         answer = subject.infer(subject.loaded(case), case, exchanged)
     except PhysicError as error:
         raise CheckSkipped("it raises a PhysicError for a photo with red and blue exchanged") from error
-    if contract_violations(subject.interface, answer, case):
+    if case_violations(subject.interface, answer, case):
         return
     other = main_error(subject.interface, answer, case)
     name = MAIN_ERROR[subject.interface]

@@ -13,7 +13,7 @@ from physic_core.errors import PhysicError
 from physic_testing.conformance.accuracy import BETTER_DIRECTION, mean_errors, measure_errors
 from physic_testing.conformance.backend_under_test import find_backend
 from physic_testing.conformance.cases import SIZE, case_of_world
-from physic_testing.conformance.contract import contract_violations
+from physic_testing.conformance.contract import case_violations
 from physic_testing.conformance.expect import CheckSkipped
 from physic_testing.conformance.requests import infer_arguments
 from physic_testing.worlds import build_world
@@ -167,7 +167,7 @@ def _row(subject: BackendUnderTest, worlds: Sequence[tuple[str, int]], size: tup
             start = time.perf_counter()
             answer = subject.infer(backend, case, arguments)
             times.append(time.perf_counter() - start)
-            faults = contract_violations(subject.interface, answer, case)
+            faults = case_violations(subject.interface, answer, case)
             if faults:
                 problems.append(faults[0])
             else:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.interfaces import INTERFACES
-from physic_core.interfaces.backend import contract_violations as check_result
+from physic_core.interfaces.backend import contract_violations
 from physic_core.types import People
 from physic_testing.conformance.requests import build_request
 
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from physic_testing.conformance.cases import Case
 
 
-def contract_violations(interface: str, answer: Any, case: Case) -> list[str]:
+def case_violations(interface: str, answer: Any, case: Case) -> list[str]:
     """List the contract violations of a result: wrong types, shapes, dtypes and value ranges."""
-    return check_result(INTERFACES[interface], answer, build_request(interface, case))
+    return contract_violations(INTERFACES[interface], answer, build_request(interface, case))
 
 
 def violations(
@@ -41,4 +41,4 @@ def violations(
     given: dict[str, Any] = {
         field.name: known.get(field.name) for field in fields(interface.Request) if not field.kw_only
     }
-    return check_result(interface, result, interface.Request(**given, **more))
+    return contract_violations(interface, result, interface.Request(**given, **more))

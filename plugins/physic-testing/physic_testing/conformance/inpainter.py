@@ -125,7 +125,7 @@ def check_an_empty_mask_changes_nothing(subject: BackendUnderTest) -> None:
 
 def check_accepts_or_refuses_a_full_mask(subject: BackendUnderTest) -> None:
     """With a mask of the whole photo, the output is valid or infer raises a PhysicError."""
-    from physic_testing.conformance.contract import contract_violations
+    from physic_testing.conformance.contract import case_violations
 
     subject.result()
     case = subject.case("one person")
@@ -136,7 +136,7 @@ def check_accepts_or_refuses_a_full_mask(subject: BackendUnderTest) -> None:
         return
     except Exception as error:
         raise CheckFailed(wanted, describe_error(error, subject.kind)) from error
-    faults = contract_violations(subject.interface, answer, case)
+    faults = case_violations(subject.interface, answer, case)
     expect(not faults, wanted, "; ".join(faults))
 
 

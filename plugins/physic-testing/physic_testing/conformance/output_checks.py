@@ -175,7 +175,7 @@ def check_keeps_no_state_between_photos(subject: BackendUnderTest) -> None:
 def check_works_without_hints(subject: BackendUnderTest) -> None:
     """Without hints, the output is valid or infer raises a PhysicError."""
     from physic_core.types import Hints
-    from physic_testing.conformance.contract import contract_violations
+    from physic_testing.conformance.contract import case_violations
 
     subject.result()
     case = subject.case("one person")
@@ -189,7 +189,7 @@ def check_works_without_hints(subject: BackendUnderTest) -> None:
             "valid output for Hints(), in which everything is None, or a PhysicError that names the missing hint",
             describe_error(error, subject.kind),
         ) from error
-    faults = contract_violations(subject.interface, answer, case)
+    faults = case_violations(subject.interface, answer, case)
     expect(not faults, "valid output for Hints()", "; ".join(faults))
 
 

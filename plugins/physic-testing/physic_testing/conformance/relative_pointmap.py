@@ -11,7 +11,7 @@ from physic_core.discovery.error_text import describe_error
 from physic_core.errors import PhysicError
 from physic_testing.conformance.bias import expect_no_bias, pixel_shift
 from physic_testing.conformance.check import BLIND, Check
-from physic_testing.conformance.contract import contract_violations
+from physic_testing.conformance.contract import case_violations
 from physic_testing.conformance.depth_checks import (
     expect_along_z,
     expect_ambiguity,
@@ -128,7 +128,7 @@ def check_works_without_intrinsics(subject: BackendUnderTest) -> None:
         raise CheckFailed(
             "valid output for a photo without known intrinsics", describe_error(error, subject.kind)
         ) from error
-    faults = contract_violations(subject.interface, answer, case)
+    faults = case_violations(subject.interface, answer, case)
     expect(not faults, "valid output for a photo without known intrinsics", "; ".join(faults))
 
 
@@ -148,7 +148,7 @@ def check_accepts_the_photo_with_people(subject: BackendUnderTest) -> None:
             "valid output for the photo with people, with hints.scene set, and hints.hole and hints.photo None",
             describe_error(error, subject.kind),
         ) from error
-    faults = contract_violations(subject.interface, answer, case)
+    faults = case_violations(subject.interface, answer, case)
     expect(not faults, "valid output for the photo with people", "; ".join(faults))
     _expect_like_the_first_call(case, subject.result(), answer)
 

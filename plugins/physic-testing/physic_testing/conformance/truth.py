@@ -85,7 +85,7 @@ def rotation_errors_deg(rotvecs: FloatArray, truth: FloatArray) -> FloatArray:
     return angles
 
 
-def posed_bodies(bodies: Bodies) -> tuple[FloatArray, FloatArray]:
+def embedded_surface(bodies: Bodies) -> tuple[FloatArray, FloatArray]:
     """Return vertices (N, V, 3) and joints (N, 55, 3) of the embedded body, camera frame, m.
 
     Bodies of another model are converted first, as the pipeline does.

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import FloatArray
 
-__all__ = ["ACTIONS", "RAISED_FEET_ACTIONS", "TOUCHING_ACTIONS", "ActionScene", "PosedPerson", "draw_action"]
+__all__ = ["ACTIONS", "RAISED_FEET_ACTIONS", "TOUCHING_ACTIONS", "ActionPose", "ActionScene", "draw_action"]
 
 _TRIES = 3
 _SOLO = SOLO_ACTIONS | CONTACT_ACTIONS | RAISED_ACTIONS
@@ -35,7 +35,7 @@ _DEPTH, _GAP, _CROSSING = 0.008, 0.015, 0.02  # metres beyond which another draw
 
 
 @dataclass(frozen=True)
-class PosedPerson:
+class ActionPose:
     """A person with a fitted pose.
 
     Attributes:
@@ -66,7 +66,7 @@ class ActionScene:
         fills: "whole" if the camera must show full bodies, "upper" if it may crop or hide legs.
     """
 
-    actors: tuple[PosedPerson, ...]
+    actors: tuple[ActionPose, ...]
     blocks: tuple[Block, ...]
     ground: Ground = LEVEL_GROUND
     outdoors: bool = False
@@ -113,9 +113,9 @@ def _badness(settled: Sequence[ContactFit]) -> float:
     return max(max(s.depth / _DEPTH, s.gap / _GAP, s.crossing / _CROSSING) for s in settled)
 
 
-def _actor(plan: PosePlan, settled: ContactFit) -> PosedPerson:
+def _actor(plan: PosePlan, settled: ContactFit) -> ActionPose:
     """Combine a plan and its fitted pose to a person."""
-    return PosedPerson(settled.pose, plan.betas, settled.transl, settled.residual, plan.action)
+    return ActionPose(settled.pose, plan.betas, settled.transl, settled.residual, plan.action)
 
 
 def _one_person_action(

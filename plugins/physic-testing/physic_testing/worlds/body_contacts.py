@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_testing.worlds.contact_fit import centre_of_mass
+from physic_testing.worlds.contact_fit import centre_of_mass_of_joints
 from physic_testing.worlds.reproducible_math import dot, norm
 from physic_testing.worlds.skin_patches import contact_skin, vertex_normals
 from physic_testing.worlds.solids import LEVEL_GROUND, SolidDistances
@@ -148,7 +148,7 @@ def supporting_vertices(
         level = np.zeros(len(body), bool)
         level[contact[i]] = towards[:, 1] > _UPWARDS
         down = vertex_normals(body, faces)[:, 1] < -_UPWARDS
-        if not _above(centre_of_mass(joints[i]), body[level]):
+        if not _above(centre_of_mass_of_joints(joints[i]), body[level]):
             level = contact[i] | ((touched_person[i] != NONE) & down)
         carrying[i] = level
     return carrying

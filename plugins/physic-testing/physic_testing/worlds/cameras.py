@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
     from physic_testing.worlds.solids import Block, Ground
 
-__all__ = ["Camera", "CameraShot", "PhotoSubjects", "find_camera"]
+__all__ = ["CameraShot", "PhotoSubjects", "RoomCamera", "find_camera"]
 
 _FIELD = (35.0, 80.0)  # degrees, horizontal; the larger side never sees more than the second
 _HEIGHT = (0.6, 2.2)  # m over the ground
@@ -44,7 +44,7 @@ _COARSE = 72  # px of the longer side of a trial photo
 
 
 @dataclass(frozen=True)
-class Camera:
+class RoomCamera:
     """Camera pose in the room.
 
     Attributes:
@@ -68,7 +68,7 @@ class Camera:
 class CameraShot:
     """Camera pose and intrinsics; ``cut`` allows people to be cropped by the image border."""
 
-    camera: Camera
+    camera: RoomCamera
     intrinsics: Intrinsics
     cut: bool
 
@@ -232,13 +232,13 @@ def _camera_towards(
     place: FloatArray,
     *,
     cut: bool,
-) -> Camera:
+) -> RoomCamera:
     """Return a camera that sees the points' bounding box at its place in the image."""
     away = target - position
     level = np.sqrt(away[0] * away[0] + away[2] * away[2])
     pan, tilt = float(arctan2(-away[0], -away[2])), float(arctan2(away[1], level))
     size = np.array([intrinsics.width, intrinsics.height], np.float64)
-    camera = Camera(_rotation(pan, tilt, roll), position)
+    camera = RoomCamera(_rotation(pan, tilt, roll), position)
     for _ in range(4):
         local = camera.to_camera(points)
         if (local[:, 2] < 0.2).any():
@@ -251,7 +251,7 @@ def _camera_towards(
         shift = (low + high) / 2 - wanted
         pan -= float(arctan2(shift[0], intrinsics.fx))
         tilt -= float(arctan2(shift[1], intrinsics.fy))
-        camera = Camera(_rotation(pan, tilt, roll), position)
+        camera = RoomCamera(_rotation(pan, tilt, roll), position)
     return camera
 
 

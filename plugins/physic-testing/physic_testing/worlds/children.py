@@ -17,7 +17,7 @@ import numpy as np
 from physic_testing.worlds.contact_fit import ContactTarget
 from physic_testing.worlds.group_actions import FittedGroup, fit_in_turns
 from physic_testing.worlds.pose_builder import PoseBuilder
-from physic_testing.worlds.solo_actions import SOLO_ACTIONS, Person, draw_person, measure_person, move_plan
+from physic_testing.worlds.solo_actions import SOLO_ACTIONS, MeasuredBody, draw_person, measure_person, move_plan
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -63,14 +63,14 @@ def age_of(betas: FloatArray) -> float:
     return float(_baked()["age"][own.argmax()]) if own.any() else np.nan
 
 
-def _draw_child(model: BodyModel, rng: np.random.Generator) -> Person:
+def _draw_child(model: BodyModel, rng: np.random.Generator) -> MeasuredBody:
     """Draw one of the children."""
     baked = _baked()
     row = int(rng.integers(len(baked["age"])))
     return measure_person(model, np.concatenate([baked["betas"][row], np.eye(len(baked["age"]))[row]]))
 
 
-def _draw_adult(model: BodyModel, rng: np.random.Generator) -> Person:
+def _draw_adult(model: BodyModel, rng: np.random.Generator) -> MeasuredBody:
     """Draw an adult."""
     betas = draw_person(model, rng, adult=True).betas.copy()
     betas[_baked()["betas"].shape[1] :] = 0

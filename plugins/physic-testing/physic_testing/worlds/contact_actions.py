@@ -18,7 +18,7 @@ from physic_testing.worlds.solids import Block
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from physic_testing.worlds.solo_actions import Person
+    from physic_testing.worlds.solo_actions import MeasuredBody
 
 __all__ = ["CONTACT_ACTIONS"]
 
@@ -30,7 +30,9 @@ def _other(side: str) -> str:
     return "right" if side == "left" else "left"
 
 
-def _standing(person: Person, rng: np.random.Generator, action: str, lean: float = 0.0) -> tuple[PoseBuilder, PosePlan]:
+def _standing(
+    person: MeasuredBody, rng: np.random.Generator, action: str, lean: float = 0.0
+) -> tuple[PoseBuilder, PosePlan]:
     """Plan a person who stands on both feet, with arms still to be posed."""
     plan = replace(solo_actions.stand(person, rng), action=action, touches=_SOLES)
     posture = PoseBuilder((lean + rng.uniform(-1, 3), 0, 0)).trunk(rng.uniform(-1, 5), rng.uniform(-5, 5))
@@ -46,7 +48,7 @@ def _finished(plan: PosePlan, posture: PoseBuilder, *touches: ContactTarget) -> 
     return replace(plan, pose=posture.pose, touches=(*plan.touches, *touches))
 
 
-def _seated(person: Person, rng: np.random.Generator, action: str) -> tuple[PoseBuilder, PosePlan]:
+def _seated(person: MeasuredBody, rng: np.random.Generator, action: str) -> tuple[PoseBuilder, PosePlan]:
     """Plan a person who sits upright on a chair, with arms still to be posed."""
     plan = solo_actions.sit_on_chair(person, rng)
     seat = plan.blocks[4]
@@ -60,7 +62,7 @@ def _seated(person: Person, rng: np.random.Generator, action: str) -> tuple[Pose
 # ---- own body ------------------------------------------------------------------------------------------------------
 
 
-def cross_arms(person: Person, rng: np.random.Generator) -> PosePlan:
+def cross_arms(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a standing person with crossed arms, each hand on the other arm."""
     posture, plan = _standing(person, rng, "cross_arms")
     over = str(rng.choice(_SIDES))
@@ -71,7 +73,7 @@ def cross_arms(person: Person, rng: np.random.Generator) -> PosePlan:
     return _finished(plan, posture, *palms)
 
 
-def hands_on_hips(person: Person, rng: np.random.Generator) -> PosePlan:
+def hands_on_hips(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a standing person with both hands on the hips."""
     posture, plan = _standing(person, rng, "hands_on_hips")
     for side in _SIDES:
@@ -80,7 +82,7 @@ def hands_on_hips(person: Person, rng: np.random.Generator) -> PosePlan:
     return _finished(plan, posture, *palms)
 
 
-def hands_on_knees(person: Person, rng: np.random.Generator) -> PosePlan:
+def hands_on_knees(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a person bent forward with straight arms, both hands on the thighs above the knees."""
     _, plan = _standing(person, rng, "hands_on_knees")
     lean, bend = rng.uniform(38, 48), rng.uniform(24, 34)
@@ -95,7 +97,7 @@ def hands_on_knees(person: Person, rng: np.random.Generator) -> PosePlan:
     return _finished(plan, posture, *palms)
 
 
-def clasp_hands(person: Person, rng: np.random.Generator) -> PosePlan:
+def clasp_hands(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a standing or sitting person with palms together before the belly or chest."""
     make = _seated if rng.random() < 0.4 else _standing
     posture, plan = make(person, rng, "clasp_hands")
@@ -105,7 +107,7 @@ def clasp_hands(person: Person, rng: np.random.Generator) -> PosePlan:
     return _finished(plan, posture, ContactTarget("left_palm", 0.35, on="self", target="right_palm"))
 
 
-def chin_on_hand(person: Person, rng: np.random.Generator) -> PosePlan:
+def chin_on_hand(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a person at a table with one elbow on its top and the chin on that hand."""
     plan = replace(solo_actions.sit_behind_table(person, rng), action="chin_on_hand")
     seat, top = plan.blocks[4], next(block for block in plan.blocks[7:] if block.half[1] < 0.03)
@@ -132,7 +134,7 @@ def chin_on_hand(person: Person, rng: np.random.Generator) -> PosePlan:
 # ---- supports ------------------------------------------------------------------------------------------------------
 
 
-def lean_on_post(person: Person, rng: np.random.Generator) -> PosePlan:
+def lean_on_post(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a person who leans back on a post, which the own body hides from the front."""
     lean = float(rng.uniform(8, 12))
     posture, plan = _standing(person, rng, "lean_on_post", lean=-lean)
@@ -149,7 +151,7 @@ def lean_on_post(person: Person, rng: np.random.Generator) -> PosePlan:
     return replace(_finished(plan, posture, *back), azimuth=(-12.0, 12.0))
 
 
-def sit_on_pedestal(person: Person, rng: np.random.Generator) -> PosePlan:
+def sit_on_pedestal(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a person on a narrow pedestal, which legs and hips hide from the front."""
     height = max(0.28, min(float(rng.uniform(0.40, 0.46)), solo_actions.knee_hollow_height(person)))
     half = 0.08 * person.stature / 1.7
@@ -169,7 +171,7 @@ def sit_on_pedestal(person: Person, rng: np.random.Generator) -> PosePlan:
     )
 
 
-def hang_from_bar(person: Person, rng: np.random.Generator) -> PosePlan:
+def hang_from_bar(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a person who hangs from a horizontal bar with straight arms, feet in the air."""
     wide, size = float(rng.uniform(0.21, 0.27)) * person.stature / 1.7, person.stature / 1.7
     lean = float(rng.uniform(-4, 4))
@@ -196,7 +198,7 @@ def hang_from_bar(person: Person, rng: np.random.Generator) -> PosePlan:
     return PosePlan("hang_from_bar", posture.pose, person.betas, pelvis, (bar, *posts), touches, reaches, drift=0.05)
 
 
-def on_all_fours(person: Person, rng: np.random.Generator) -> PosePlan:
+def on_all_fours(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a person on hands and knees."""
     posture = PoseBuilder((rng.uniform(72, 82), 0, 0)).trunk(rng.uniform(0, 10), rng.uniform(-4, 4))
     posture.head(-rng.uniform(10, 40), rng.uniform(-15, 15))
@@ -216,7 +218,7 @@ def on_all_fours(person: Person, rng: np.random.Generator) -> PosePlan:
 # ---- things that give way ------------------------------------------------------------------------------------------
 
 
-def sit_on_cushion(person: Person, rng: np.random.Generator) -> PosePlan:
+def sit_on_cushion(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a person who sinks into the seat of a sofa."""
     soft = float(rng.uniform(0.03, 0.08))
     height = min(float(rng.uniform(0.36, 0.41)), max(0.28, solo_actions.knee_hollow_height(person))) + soft
@@ -229,7 +231,7 @@ def sit_on_cushion(person: Person, rng: np.random.Generator) -> PosePlan:
     return replace(plan, action="sit_on_cushion", blocks=(cushion, *sofa[1:]), touches=touches)
 
 
-def lie_on_mattress(person: Person, rng: np.random.Generator) -> PosePlan:
+def lie_on_mattress(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a person on the back who sinks into the mattress of a bed."""
     pillow = float(rng.uniform(0.05, 0.07))
     bed = furniture.bed(rng, pillow=pillow)
@@ -243,7 +245,7 @@ def lie_on_mattress(person: Person, rng: np.random.Generator) -> PosePlan:
 # ---- small objects -------------------------------------------------------------------------------------------------
 
 
-def laptop_on_lap(person: Person, rng: np.random.Generator) -> PosePlan:
+def laptop_on_lap(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a person on a chair with a laptop on the thighs and both hands on it."""
     posture, plan = _seated(person, rng, "laptop_on_lap")
     size = person.stature / 1.7
@@ -278,7 +280,7 @@ def laptop_on_lap(person: Person, rng: np.random.Generator) -> PosePlan:
     return _finished(plan, posture, *touches)
 
 
-def hold_ball(person: Person, rng: np.random.Generator) -> PosePlan:
+def hold_ball(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a standing or sitting person with palms that face each other, apart for a ball."""
     make = _seated if rng.random() < 0.4 else _standing
     posture, plan = make(person, rng, "hold_ball")
@@ -288,7 +290,7 @@ def hold_ball(person: Person, rng: np.random.Generator) -> PosePlan:
     return _finished(plan, posture)
 
 
-def hold_cup(person: Person, rng: np.random.Generator) -> PosePlan:
+def hold_cup(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a standing or sitting person with one hand bent around a cup."""
     make = _seated if rng.random() < 0.5 else _standing
     posture, plan = make(person, rng, "hold_cup")
@@ -304,7 +306,7 @@ def hold_cup(person: Person, rng: np.random.Generator) -> PosePlan:
     return _finished(plan, posture, *touches)
 
 
-CONTACT_ACTIONS: dict[str, Callable[[Person, np.random.Generator], PosePlan]] = {
+CONTACT_ACTIONS: dict[str, Callable[[MeasuredBody, np.random.Generator], PosePlan]] = {
     "cross_arms": cross_arms,
     "hands_on_hips": hands_on_hips,
     "hands_on_knees": hands_on_knees,

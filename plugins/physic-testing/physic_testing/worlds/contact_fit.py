@@ -49,7 +49,7 @@ __all__ = [
     "OtherPerson",
     "PosePlan",
     "PositionTarget",
-    "centre_of_mass",
+    "centre_of_mass_of_joints",
     "fit_contacts",
     "largest_penetration",
     "pose_body",
@@ -200,7 +200,7 @@ def pose_body(
     return Skinner(model, betas)(rotation_matrix(np.asarray(pose, np.float64)), np.asarray(transl, np.float64))
 
 
-def centre_of_mass(joints: FloatArray) -> FloatArray:
+def centre_of_mass_of_joints(joints: FloatArray) -> FloatArray:
     """Return the centre of mass (3,) of a body with joints (55, 3), m."""
     centre: FloatArray = (_MASS[:, None] * joints).sum(axis=0)
     return centre

@@ -11,7 +11,7 @@ from physic_testing.worlds import solo_actions
 from physic_testing.worlds.contact_fit import ContactTarget, PosePlan
 from physic_testing.worlds.group_actions import FittedGroup, draw_pair, fit_in_turns
 from physic_testing.worlds.pose_builder import PoseBuilder
-from physic_testing.worlds.solo_actions import Person, draw_person, move_plan
+from physic_testing.worlds.solo_actions import MeasuredBody, draw_person, move_plan
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,7 +23,9 @@ __all__ = ["CONTACT_GROUPS"]
 _SIDES = ("left", "right")
 
 
-def _stand(person: Person, rng: np.random.Generator, action: str, lean: float = 0.0) -> tuple[PoseBuilder, PosePlan]:
+def _stand(
+    person: MeasuredBody, rng: np.random.Generator, action: str, lean: float = 0.0
+) -> tuple[PoseBuilder, PosePlan]:
     """Plan a standing person with hanging arms, who leans forward by ``lean`` degrees."""
     posture = PoseBuilder((lean, 0, 0)).trunk(rng.uniform(-1, 4), rng.uniform(-4, 4))
     posture.head(rng.uniform(0, 8), rng.uniform(-20, 20), rng.uniform(-4, 4))
@@ -135,7 +137,7 @@ def child_on_lap(model: BodyModel, rng: np.random.Generator) -> FittedGroup:
     return fit_in_turns(model, [holder, sitter], rounds=2)
 
 
-def _draw_child(model: BodyModel, rng: np.random.Generator) -> Person:
+def _draw_child(model: BodyModel, rng: np.random.Generator) -> MeasuredBody:
     """Draw a child."""
     betas = 0.6 * np.clip(rng.normal(0, 0.6, model.num_betas), -1.3, 1.3)
     betas[0] = rng.uniform(-3.6, -2.6)

@@ -14,8 +14,8 @@ from physic_testing.worlds.contact_fit import pose_body
 from physic_testing.worlds.rendering import (
     AreaLight,
     Lighting,
-    Mesh,
     RenderedView,
+    WorldMesh,
     exposure_gain,
     pixel_rays,
     render_shaded,
@@ -37,14 +37,14 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import BoolArray, FloatArray, Intrinsics, Skeleton, UInt8Array
 
-__all__ = ["Pictures", "PosedBodies", "place_bodies", "project", "render_pictures", "visible_landmarks"]
+__all__ = ["Pictures", "WorldBodies", "pose_world_bodies", "project", "render_pictures", "visible_landmarks"]
 
 _SENSOR_NOISE = 1.5  # grey levels
 _OVERCAST = 0.75  # light of the brightest sky
 
 
 @dataclass(frozen=True)
-class PosedBodies:
+class WorldBodies:
     """N bodies in the camera frame, m.
 
     Attributes:
@@ -75,7 +75,7 @@ class Pictures:
     surfaces: UInt8Array
     empty_surfaces: UInt8Array
     item_masks: BoolArray
-    mesh: Mesh
+    mesh: WorldMesh
     caster: RayCaster
 
 
@@ -94,7 +94,7 @@ def _surface_ids(room: _RoomMesh, seen: RenderedView) -> NDArray[np.int64]:
     return np.where(in_room, room.surface[np.where(in_room, seen.face, 0)], -1)
 
 
-def place_bodies(model: BodyModel, stage: StagedScene, skeletons: tuple[Skeleton, ...]) -> PosedBodies:
+def pose_world_bodies(model: BodyModel, stage: StagedScene, skeletons: tuple[Skeleton, ...]) -> WorldBodies:
     """Return the bodies in the camera frame, posed with the float32 parameters that the world stores."""
     from scipy.spatial.transform import Rotation
 
@@ -126,7 +126,7 @@ def place_bodies(model: BodyModel, stage: StagedScene, skeletons: tuple[Skeleton
         transl=np.stack(transl),
     )
     landmarks = {skeleton.name: _landmarks(model, vertices, joints, skeleton) for skeleton in skeletons}
-    return PosedBodies(parameters, vertices, joints, landmarks)
+    return WorldBodies(parameters, vertices, joints, landmarks)
 
 
 def _landmarks(model: BodyModel, vertices: FloatArray, joints: FloatArray, skeleton: Skeleton) -> FloatArray:
@@ -329,18 +329,18 @@ def project(points: FloatArray, intrinsics: Intrinsics) -> FloatArray:
     return uv
 
 
-def _scene_mesh(vertices: FloatArray, faces: NDArray[np.int64]) -> Mesh:
+def _scene_mesh(vertices: FloatArray, faces: NDArray[np.int64]) -> WorldMesh:
     """Return the mesh of the scene, flat shaded."""
-    return Mesh(vertices, faces, np.full(len(faces), -1), np.zeros_like(vertices))
+    return WorldMesh(vertices, faces, np.full(len(faces), -1), np.zeros_like(vertices))
 
 
-def _with_people(scene: Mesh, model: BodyModel, vertices: FloatArray) -> Mesh:
+def _with_people(scene: WorldMesh, model: BodyModel, vertices: FloatArray) -> WorldMesh:
     """Append the people to the scene mesh."""
     people, count, _ = vertices.shape
     faces = model.faces.numpy()
     offsets = len(scene.vertices) + count * np.arange(people)
     smooth = [vertex_normals(person, faces) for person in vertices]
-    return Mesh(
+    return WorldMesh(
         vertices=np.concatenate([scene.vertices, vertices.reshape(-1, 3)]),
         faces=np.concatenate([scene.faces, *(faces + offset for offset in offsets)]),
         thing=np.concatenate([scene.thing, np.repeat(np.arange(people), len(faces))]),
@@ -348,6 +348,6 @@ def _with_people(scene: Mesh, model: BodyModel, vertices: FloatArray) -> Mesh:
     )
 
 
-def _person_ids(mesh: Mesh, seen: RenderedView) -> NDArray[np.int64]:
+def _person_ids(mesh: WorldMesh, seen: RenderedView) -> NDArray[np.int64]:
     """Return the index (H, W) of the person seen by each pixel, -1 for none."""
     return np.where(seen.face >= 0, mesh.thing[np.maximum(seen.face, 0)], -1)

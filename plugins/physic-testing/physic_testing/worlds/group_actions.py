@@ -16,7 +16,7 @@ from physic_testing.worlds.contact_fit import ContactFit, ContactTarget, OtherPe
 from physic_testing.worlds.pose_builder import PoseBuilder
 from physic_testing.worlds.reproducible_math import sin_cos
 from physic_testing.worlds.solids import LEVEL_GROUND, Block, Ground
-from physic_testing.worlds.solo_actions import SOLO_ACTIONS, Person, draw_person, move_plan
+from physic_testing.worlds.solo_actions import SOLO_ACTIONS, MeasuredBody, draw_person, move_plan
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -65,7 +65,7 @@ def hug(model: BodyModel, rng: np.random.Generator) -> FittedGroup:
     return fit_in_turns(model, plans, rounds=2)
 
 
-def draw_pair(model: BodyModel, rng: np.random.Generator) -> tuple[Person, Person]:
+def draw_pair(model: BodyModel, rng: np.random.Generator) -> tuple[MeasuredBody, MeasuredBody]:
     """Draw two people of similar size and different shape."""
     first = draw_person(model, rng, adult=True)
     betas = draw_person(model, rng, adult=True).betas.copy()
@@ -73,7 +73,7 @@ def draw_pair(model: BodyModel, rng: np.random.Generator) -> tuple[Person, Perso
     return first, solo_actions.measure_person(model, betas)
 
 
-def _embrace(person: Person, rng: np.random.Generator) -> PosePlan:
+def _embrace(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan one of two hugging people: left arm over the other's shoulder, right arm under the other's arm."""
     posture = PoseBuilder((rng.uniform(2, 6), 0, 0)).trunk(rng.uniform(2, 8), rng.uniform(-3, 3))
     for side in ("left", "right"):
@@ -90,7 +90,7 @@ def _embrace(person: Person, rng: np.random.Generator) -> PosePlan:
     return PosePlan("hug", posture.pose, person.betas, (0.0, person.leg - 0.005, 0.0), touches=touches, balanced=True)
 
 
-def _arm_in_arm(first: Person, second: Person, rng: np.random.Generator) -> list[PosePlan]:
+def _arm_in_arm(first: MeasuredBody, second: MeasuredBody, rng: np.random.Generator) -> list[PosePlan]:
     """Plan two people side by side; the first lays the left arm around the other's shoulders."""
     apart = 0.44 * (first.stature + second.stature) / 3.4
     plans = []

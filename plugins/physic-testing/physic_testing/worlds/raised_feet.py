@@ -16,7 +16,7 @@ from physic_testing.worlds.solids import Block
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from physic_testing.worlds.solo_actions import Person
+    from physic_testing.worlds.solo_actions import MeasuredBody
 
 __all__ = ["RAISED_ACTIONS"]
 
@@ -24,7 +24,7 @@ _SIDES = ("left", "right")
 _CLEARANCE_M = (0.05, 0.40)  # between sole and ground
 
 
-def _reach_down(person: Person, flex: float, knee: float, point: float) -> float:
+def _reach_down(person: MeasuredBody, flex: float, knee: float, point: float) -> float:
     """Return how far the lowest end of a foot is below the pelvis joint, for angles of ``PoseBuilder`` in degrees."""
     thigh, shin = np.radians(flex), np.radians(flex - knee)
     toes = max(0.0, 0.16 * person.stature / 1.7 * np.sin(np.radians(point) - shin))
@@ -40,7 +40,7 @@ def _pose_arms(posture: PoseBuilder, rng: np.random.Generator, highest: float) -
         posture.fingers(side, rng.uniform(5, 30), rng)
 
 
-def jump(person: Person, rng: np.random.Generator) -> PosePlan:
+def jump(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a person in the air above level ground, with stretched or tucked legs."""
     posture = PoseBuilder((rng.uniform(-8, 20), rng.uniform(-10, 10), 0)).trunk(rng.uniform(-5, 18), rng.uniform(-8, 8))
     posture.head(rng.uniform(-15, 10), rng.uniform(-20, 20))
@@ -55,7 +55,7 @@ def jump(person: Person, rng: np.random.Generator) -> PosePlan:
     return PosePlan("jump", posture.pose, person.betas, pelvis, drift=0.02)
 
 
-def raise_foot(person: Person, rng: np.random.Generator) -> PosePlan:
+def raise_foot(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a person on one foot, with the other raised in front, behind or to the side."""
     stands = str(rng.choice(_SIDES))
     raised = "right" if stands == "left" else "left"
@@ -78,7 +78,7 @@ def raise_foot(person: Person, rng: np.random.Generator) -> PosePlan:
     return PosePlan("raise_foot", posture.pose, person.betas, pelvis, touches=touches)
 
 
-def vault(person: Person, rng: np.random.Generator) -> PosePlan:
+def vault(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a person over a box, on straight arms with both hands on it, and both feet in the air behind it."""
     size = person.stature / 1.7
     lean = rng.uniform(25, 55)
@@ -105,7 +105,7 @@ def vault(person: Person, rng: np.random.Generator) -> PosePlan:
     return PosePlan("vault", posture.pose, person.betas, (0.0, pelvis_y, -0.05), (box,), touches, reaches, drift=0.04)
 
 
-def hold_bar(person: Person, rng: np.random.Generator) -> PosePlan:
+def hold_bar(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a person with both hands on a bar and feet in the air: arms bent under it, or straight over it."""
     over, size = rng.random() < 0.4, person.stature / 1.7
     lean = float(rng.uniform(8, 22) if over else rng.uniform(-12, 2))
@@ -141,7 +141,7 @@ def hold_bar(person: Person, rng: np.random.Generator) -> PosePlan:
     )
 
 
-def sit_high(person: Person, rng: np.random.Generator) -> PosePlan:
+def sit_high(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a person on a high wall or counter, with both feet in the air before it."""
     depth = float(rng.uniform(0.35, 0.6))
     posture = PoseBuilder((rng.uniform(-4, 8), 0, 0)).trunk(rng.uniform(4, 18), rng.uniform(-6, 6))
@@ -161,7 +161,7 @@ def sit_high(person: Person, rng: np.random.Generator) -> PosePlan:
     return PosePlan("sit_high", posture.pose, person.betas, pelvis, (wall,), tuple(touches), drift=0.05)
 
 
-RAISED_ACTIONS: dict[str, Callable[[Person, np.random.Generator], PosePlan]] = {
+RAISED_ACTIONS: dict[str, Callable[[MeasuredBody, np.random.Generator], PosePlan]] = {
     "jump": jump,
     "raise_foot": raise_foot,
     "vault": vault,

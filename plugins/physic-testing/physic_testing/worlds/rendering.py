@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 __all__ = [
     "AreaLight",
     "Lighting",
-    "Mesh",
     "RenderedView",
+    "WorldMesh",
     "exposure_gain",
     "pixel_rays",
     "render_shaded",
@@ -39,7 +39,7 @@ _BRIGHTNESS = 0.25  # linear mean of an exposed picture, about 136 of 255 grey l
 
 
 @dataclass(frozen=True)
-class Mesh:
+class WorldMesh:
     """Triangle mesh of the scene and its people.
 
     Attributes:
@@ -120,7 +120,7 @@ def pixel_rays(intrinsics: Intrinsics, shift: tuple[float, float] = (0.0, 0.0)) 
     return np.stack([x, y, np.ones_like(x)], axis=1)
 
 
-def render_view(mesh: Mesh, caster: RayCaster, intrinsics: Intrinsics) -> RenderedView:
+def render_view(mesh: WorldMesh, caster: RayCaster, intrinsics: Intrinsics) -> RenderedView:
     """Render depth, normals and face ids with one ray per pixel."""
     rays = pixel_rays(intrinsics)
     hits = caster.first(np.zeros(3), rays)
@@ -133,7 +133,7 @@ def render_view(mesh: Mesh, caster: RayCaster, intrinsics: Intrinsics) -> Render
 
 
 def render_shaded(
-    mesh: Mesh,
+    mesh: WorldMesh,
     caster: RayCaster,
     intrinsics: Intrinsics,
     seen: RenderedView,
@@ -250,14 +250,14 @@ def _smoothed(values: FloatArray, seen: RenderedView) -> FloatArray:
     return np.where(weight > 0.5, total / weight, values)
 
 
-def _face_normals(mesh: Mesh, hits: RayHits, rays: FloatArray) -> FloatArray:
+def _face_normals(mesh: WorldMesh, hits: RayHits, rays: FloatArray) -> FloatArray:
     """Return unit face normals (n, 3) towards the ray origin; zero without a hit."""
     normals = mesh.face_normals[np.maximum(hits.face, 0)]
     towards = np.where(dot(normals, rays)[:, None] > 0, -normals, normals)
     return np.where((hits.face >= 0)[:, None], towards, 0.0)
 
 
-def _shading_normals(mesh: Mesh, hits: RayHits, flat: FloatArray) -> FloatArray:
+def _shading_normals(mesh: WorldMesh, hits: RayHits, flat: FloatArray) -> FloatArray:
     """Interpolate the vertex normals at the hits; use the face normals where they are zero."""
     corner_normals = mesh.smooth[mesh.faces[np.maximum(hits.face, 0)]]
     blended = apply(np.swapaxes(corner_normals, 1, 2), hits.corners)

@@ -16,11 +16,11 @@ from physic_testing.worlds import disk_cache
 from physic_testing.worlds.action_scenes import (
     RAISED_FEET_ACTIONS,
     TOUCHING_ACTIONS,
+    ActionPose,
     ActionScene,
-    PosedPerson,
     draw_action,
 )
-from physic_testing.worlds.cameras import Camera, CameraShot, PhotoSubjects, find_camera
+from physic_testing.worlds.cameras import CameraShot, PhotoSubjects, RoomCamera, find_camera
 from physic_testing.worlds.children import CHILD_ACTIONS
 from physic_testing.worlds.contact_fit import pose_body
 from physic_testing.worlds.solids import Block, Ground
@@ -70,10 +70,10 @@ class StagedScene:
     """
 
     room: Room
-    actors: tuple[PosedPerson, ...]
-    camera: Camera
+    actors: tuple[ActionPose, ...]
+    camera: RoomCamera
     intrinsics: Intrinsics
-    first_camera: Camera
+    first_camera: RoomCamera
 
 
 def set_up_scene(
@@ -100,7 +100,7 @@ def set_up_scene(
         action_scene = disk_cache.load_or_build(
             _cache_key(name, seed, take, other_bodies),
             ActionScene,
-            (PosedPerson, Block, Ground),
+            (ActionPose, Block, Ground),
             lambda act=act: draw_action(name, model, act),  # type: ignore[misc]
         )
         posed = [pose_body(model, a.pose, a.betas, a.transl) for a in action_scene.actors]
@@ -120,7 +120,7 @@ def set_up_scene(
                 shots = disk_cache.load_or_build(
                     disk_cache.cache_key("views", f"{name}{'+other' * other_bodies}", seed, *size),
                     CameraShots,
-                    (CameraShot, Camera, Intrinsics),
+                    (CameraShot, RoomCamera, Intrinsics),
                     lambda: find_views(subject, look, size, shot, outdoors=action_scene.outdoors),  # noqa: B023
                 ).shots
             own = shots[view or 0]

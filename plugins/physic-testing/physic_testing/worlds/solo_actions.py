@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "SOLO_ACTIONS",
-    "Person",
+    "MeasuredBody",
     "draw_person",
     "knee_hollow_height",
     "lay_hand_on_thigh",
@@ -46,7 +46,7 @@ _SIDES = ("left", "right")
 
 
 @dataclass(frozen=True)
-class Person:
+class MeasuredBody:
     """Body shape and lengths measured on the body, m.
 
     Attributes:
@@ -72,7 +72,7 @@ class Person:
     behind: float
 
 
-def draw_person(model: BodyModel, rng: np.random.Generator, *, adult: bool = False) -> Person:
+def draw_person(model: BodyModel, rng: np.random.Generator, *, adult: bool = False) -> MeasuredBody:
     """Draw a random body shape: an adult's, or in one of seven draws a child's, unless ``adult`` is set."""
     betas = np.clip(rng.normal(0, 0.6, model.num_betas), -1.3, 1.3)
     betas[0] = np.clip(rng.normal(0.15, 0.5), -0.9, 1.2)
@@ -82,14 +82,14 @@ def draw_person(model: BodyModel, rng: np.random.Generator, *, adult: bool = Fal
     return measure_person(model, betas)
 
 
-def measure_person(model: BodyModel, betas: FloatArray) -> Person:
+def measure_person(model: BodyModel, betas: FloatArray) -> MeasuredBody:
     """Measure the body of a shape (K,)."""
     vertices, joints = pose_body(model, np.zeros((55, 3)), betas, np.zeros(3))
     height = vertices[model.outer.numpy(), 1]
     sole = float(height.min())
     stature = float(height.max()) - sole
     torso = vertices[model.contact_sets["gluteus"].numpy()]
-    return Person(
+    return MeasuredBody(
         betas=betas,
         stature=stature,
         thigh=float(norm(joints[1] - joints[4])),
@@ -180,7 +180,7 @@ def _upright_legs(posture: PoseBuilder, rng: np.random.Generator) -> None:
         posture.foot(side, out=rng.uniform(3, 16))
 
 
-def stand(person: Person, rng: np.random.Generator) -> PosePlan:
+def stand(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a person standing on both feet."""
     posture = PoseBuilder((rng.uniform(-1, 3), 0, 0)).trunk(rng.uniform(-2, 5), rng.uniform(-8, 8), rng.uniform(-3, 3))
     _upright_legs(posture, rng)
@@ -201,7 +201,7 @@ def stand(person: Person, rng: np.random.Generator) -> PosePlan:
     return PosePlan("stand", posture.pose, person.betas, pelvis, touches=_soles() + touches, balanced=True)
 
 
-def walk(person: Person, rng: np.random.Generator) -> PosePlan:
+def walk(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a person in mid-stride: front sole on the ground, rear heel raised."""
     front = str(rng.choice(_SIDES))
     rear = "right" if front == "left" else "left"
@@ -222,7 +222,7 @@ def walk(person: Person, rng: np.random.Generator) -> PosePlan:
     return PosePlan("walk", posture.pose, person.betas, pelvis, touches=touches, balanced=True)
 
 
-def squat(person: Person, rng: np.random.Generator) -> PosePlan:
+def squat(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a person squatting on both feet."""
     deep = rng.uniform(100, 122)
     thigh = rng.uniform(72, 92)
@@ -242,7 +242,7 @@ def squat(person: Person, rng: np.random.Generator) -> PosePlan:
     return PosePlan("squat", posture.pose, person.betas, pelvis, touches=touches, balanced=True)
 
 
-def kneel(person: Person, rng: np.random.Generator) -> PosePlan:
+def kneel(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a person kneeling: upright on both knees, sitting on the heels, or on one knee."""
     kind = str(rng.choice(["upright", "heels", "one"]))
     lean = rng.uniform(0, 10)
@@ -284,25 +284,25 @@ def kneel(person: Person, rng: np.random.Generator) -> PosePlan:
 # ---- seated --------------------------------------------------------------------------------------------------------
 
 
-def _seat_height(person: Person, rng: np.random.Generator, low: float, high: float) -> float:
+def _seat_height(person: MeasuredBody, rng: np.random.Generator, low: float, high: float) -> float:
     """Draw a seat height, at most the height of the knee hollow, except for some children."""
     usual = float(rng.uniform(low, high))
     hanging = person.stature < 1.45 and rng.random() < 0.4
     return usual if hanging else min(usual, max(0.25, knee_hollow_height(person)))
 
 
-def knee_hollow_height(person: Person) -> float:
+def knee_hollow_height(person: MeasuredBody) -> float:
     """Return the height of the knee hollow above the sole."""
     return person.shank - 0.06 * person.stature / 1.7
 
 
-def _knees_free(person: Person, front: float) -> float:
+def _knees_free(person: MeasuredBody, front: float) -> float:
     """Return the smallest pelvis z at which the shanks clear a seat with its front edge at ``front``."""
     return front + 0.095 * person.stature / 1.7 - 0.96 * person.thigh
 
 
 def seated_legs(
-    posture: PoseBuilder, person: Person, rng: np.random.Generator, seat: float
+    posture: PoseBuilder, person: MeasuredBody, rng: np.random.Generator, seat: float
 ) -> tuple[ContactTarget, ...]:
     """Pose the legs of a person on a seat of height ``seat``, feet flat on the floor."""
     # The thigh falls or rises from the seat to where the knee is over flat feet.
@@ -333,7 +333,7 @@ def _sitting_arms(posture: PoseBuilder, rng: np.random.Generator) -> tuple[Conta
     return touches
 
 
-def sit_on_stool(person: Person, rng: np.random.Generator) -> PosePlan:
+def sit_on_stool(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a person sitting on a stool or pouffe, soles on the floor."""
     seat = _seat_height(person, rng, 0.40, 0.50)
     blocks = furniture.stool(rng, (0.0, 0.0), rng.uniform(-0.2, 0.2), height=seat)
@@ -345,7 +345,7 @@ def sit_on_stool(person: Person, rng: np.random.Generator) -> PosePlan:
     return PosePlan("sit_on_stool", posture.pose, person.betas, pelvis, blocks, touches, drift=0.06)
 
 
-def sit_on_chair(person: Person, rng: np.random.Generator) -> PosePlan:
+def sit_on_chair(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a person sitting on a chair: leaning back, upright or bent forward."""
     seat = _seat_height(person, rng, 0.43, 0.48)
     blocks = furniture.chair(rng, height=seat, depth=float(rng.uniform(0.40, 0.44)))
@@ -370,7 +370,9 @@ def sit_on_chair(person: Person, rng: np.random.Generator) -> PosePlan:
     return PosePlan("sit_on_chair", posture.pose, person.betas, pelvis, blocks, touches, drift=0.05)
 
 
-def sit_on_sofa(person: Person, rng: np.random.Generator, x: float = 0.0, sofa: tuple[Block, ...] = ()) -> PosePlan:
+def sit_on_sofa(
+    person: MeasuredBody, rng: np.random.Generator, x: float = 0.0, sofa: tuple[Block, ...] = ()
+) -> PosePlan:
     """Plan a person leaning back on a sofa: on a new sofa, or at ``x`` on the given sofa."""
     seat = _seat_height(person, rng, 0.38, 0.43)
     recline = float(rng.uniform(0.20, 0.32))
@@ -398,7 +400,7 @@ def sit_on_sofa(person: Person, rng: np.random.Generator, x: float = 0.0, sofa: 
     return PosePlan("sit_on_sofa", posture.pose, person.betas, pelvis, blocks, touches, drift=0.05)
 
 
-def sit_on_bench(person: Person, rng: np.random.Generator, x: float, bench: tuple[Block, ...]) -> PosePlan:
+def sit_on_bench(person: MeasuredBody, rng: np.random.Generator, x: float, bench: tuple[Block, ...]) -> PosePlan:
     """Plan a person sitting at ``x`` on a bench, upright or bent forward."""
     seat = bench[-1].centre[1] + bench[-1].half[1]
     posture = PoseBuilder((rng.uniform(-3, 10), 0, 0)).trunk(rng.uniform(4, 18), rng.uniform(-8, 8), rng.uniform(-3, 3))
@@ -409,7 +411,7 @@ def sit_on_bench(person: Person, rng: np.random.Generator, x: float, bench: tupl
     return PosePlan("sit_on_bench", posture.pose, person.betas, pelvis, bench, touches, drift=0.04)
 
 
-def sit_on_floor(person: Person, rng: np.random.Generator) -> PosePlan:
+def sit_on_floor(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a person sitting on the floor: legs stretched, knees drawn up, or cross-legged."""
     kind = str(rng.choice(["long", "knees", "crossed"]))
     seat = ContactTarget("gluteus", 0.2)
@@ -448,7 +450,7 @@ def sit_on_floor(person: Person, rng: np.random.Generator) -> PosePlan:
 # ---- lying ---------------------------------------------------------------------------------------------------------
 
 
-def lie(person: Person, rng: np.random.Generator) -> PosePlan:
+def lie(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a person lying on a bed, a sofa or the floor, on the back or on one side."""
     place = str(rng.choice(["bed", "floor", "sofa"])) if person.stature < 1.80 else str(rng.choice(["bed", "floor"]))
     on_side = place != "sofa" and rng.random() < 0.35
@@ -482,7 +484,7 @@ def lie(person: Person, rng: np.random.Generator) -> PosePlan:
     return replace(shifted, blocks=blocks)
 
 
-def lie_on_back(person: Person, rng: np.random.Generator, pillow: float) -> PosePlan:
+def lie_on_back(person: MeasuredBody, rng: np.random.Generator, pillow: float) -> PosePlan:
     """Plan a person lying on the back."""
     posture = PoseBuilder((-90, 0, 0)).trunk(rng.uniform(-2, 3), 0)
     touches = [ContactTarget("back", 0.25), ContactTarget("gluteus", 0.2), ContactTarget("head_back", 0.10)]
@@ -508,7 +510,7 @@ def lie_on_back(person: Person, rng: np.random.Generator, pillow: float) -> Pose
     return PosePlan("lie", posture.pose, person.betas, (0.0, height, 0.0), touches=tuple(touches), drift=0.04)
 
 
-def _lie_on_side(person: Person, rng: np.random.Generator, pillow: float) -> PosePlan:
+def _lie_on_side(person: MeasuredBody, rng: np.random.Generator, pillow: float) -> PosePlan:
     """Plan a person lying on one side."""
     down = str(rng.choice(_SIDES))
     up = "right" if down == "left" else "left"
@@ -543,7 +545,7 @@ def _lie_on_side(person: Person, rng: np.random.Generator, pillow: float) -> Pos
 # ---- leaning -------------------------------------------------------------------------------------------------------
 
 
-def lean_on_wall(person: Person, rng: np.random.Generator) -> PosePlan:
+def lean_on_wall(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a person leaning on a wall with the back or a shoulder."""
     if rng.random() < 0.6:
         lean = rng.uniform(7, 13)
@@ -584,7 +586,7 @@ def lean_on_wall(person: Person, rng: np.random.Generator) -> PosePlan:
     return PosePlan("lean_on_wall", posture.pose, person.betas, pelvis, blocks, touches, azimuth=azimuth)
 
 
-def lean_on_table(person: Person, rng: np.random.Generator) -> PosePlan:
+def lean_on_table(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a person bent forward with both hands on a table."""
     size = person.stature / 1.7
     height = float(rng.uniform(0.71, 0.77)) if size > 0.85 else float(rng.uniform(0.5, 0.58))
@@ -621,7 +623,7 @@ def lean_on_table(person: Person, rng: np.random.Generator) -> PosePlan:
 # ---- steps and slopes ----------------------------------------------------------------------------------------------
 
 
-def climb_step(person: Person, rng: np.random.Generator) -> PosePlan:
+def climb_step(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a person with one foot on a step and the other on the floor."""
     blocks = furniture.stairs(rng, (0.0, 0.0), steps=int(rng.integers(2, 5)))
     rise = 2 * blocks[0].half[1]
@@ -656,7 +658,7 @@ def steps_outside(rng: np.random.Generator) -> tuple[Block, ...]:
     return furniture.stairs(rng, yaw=np.pi, steps=5, rise=rise, going=going, width=3.2, material="stone")
 
 
-def sit_on_steps(person: Person, rng: np.random.Generator, blocks: tuple[Block, ...], x: float) -> PosePlan:
+def sit_on_steps(person: MeasuredBody, rng: np.random.Generator, blocks: tuple[Block, ...], x: float) -> PosePlan:
     """Plan a person sitting on the third step at ``x``, feet two steps lower."""
     rise = 2 * blocks[0].half[1]
     going = 2 * abs(blocks[1].centre[2] - blocks[0].centre[2])
@@ -678,7 +680,7 @@ def sit_on_steps(person: Person, rng: np.random.Generator, blocks: tuple[Block, 
 
 
 def stand_on_steps(
-    person: Person, rng: np.random.Generator, blocks: tuple[Block, ...], x: float, step: int
+    person: MeasuredBody, rng: np.random.Generator, blocks: tuple[Block, ...], x: float, step: int
 ) -> PosePlan:
     """Plan a person standing on one step; step 0 is the ground in front."""
     going = 2 * abs(blocks[1].centre[2] - blocks[0].centre[2])
@@ -693,7 +695,7 @@ def stand_on_steps(
 # ---- behind things -------------------------------------------------------------------------------------------------
 
 
-def sit_behind_table(person: Person, rng: np.random.Generator) -> PosePlan:
+def sit_behind_table(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a person sitting at a table that often hides the legs, with hands on its top."""
     plan = sit_on_chair(person, rng)
     depth = float(rng.uniform(0.6, 0.8))
@@ -730,7 +732,7 @@ def sit_behind_table(person: Person, rng: np.random.Generator) -> PosePlan:
     )
 
 
-def stand_behind_counter(person: Person, rng: np.random.Generator) -> PosePlan:
+def stand_behind_counter(person: MeasuredBody, rng: np.random.Generator) -> PosePlan:
     """Plan a person standing behind a closed counter, one or both hands on its top."""
     posture = PoseBuilder((rng.uniform(2, 8), 0, 0)).trunk(rng.uniform(2, 12), rng.uniform(-6, 6))
     _upright_legs(posture, rng)
@@ -759,7 +761,7 @@ def stand_behind_counter(person: Person, rng: np.random.Generator) -> PosePlan:
     )
 
 
-SOLO_ACTIONS: dict[str, Callable[[Person, np.random.Generator], PosePlan]] = {
+SOLO_ACTIONS: dict[str, Callable[[MeasuredBody, np.random.Generator], PosePlan]] = {
     "stand": stand,
     "walk": walk,
     "sit_on_chair": sit_on_chair,

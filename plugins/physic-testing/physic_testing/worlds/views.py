@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_testing.worlds.cameras import Camera, CameraShot, find_camera
+from physic_testing.worlds.cameras import CameraShot, RoomCamera, find_camera
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
@@ -84,7 +84,7 @@ def find_views(
     return CameraShots(tuple(shots))
 
 
-def _angle(one: Camera, two: Camera, middle: FloatArray) -> float:
+def _angle(one: RoomCamera, two: RoomCamera, middle: FloatArray) -> float:
     """Return the angle about the vertical between two cameras, seen from the people, degrees."""
     (x0, z0), (x1, z1) = ((camera.position - middle)[[0, 2]] for camera in (one, two))
     return float(np.degrees(abs(np.arctan2(x0 * z1 - z0 * x1, x0 * x1 + z0 * z1))))

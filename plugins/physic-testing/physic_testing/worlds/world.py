@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel
     from physic_core.types import BoolArray, FloatArray, UInt8Array
-    from physic_testing.worlds.cameras import Camera
-    from physic_testing.worlds.ground_truth import PosedBodies
+    from physic_testing.worlds.cameras import RoomCamera
+    from physic_testing.worlds.ground_truth import WorldBodies
     from physic_testing.worlds.rooms import Room
 
 __all__ = [
@@ -172,7 +172,7 @@ class World:
     image: UInt8Array
     empty_image: UInt8Array
     intrinsics: Intrinsics
-    camera: Camera
+    camera: RoomCamera
     room: Room
     action: tuple[str, ...]
     depth: FloatArray
@@ -278,7 +278,7 @@ def benchmark_worlds(count: int, seed: int, names: tuple[str, ...] = WORLDS) -> 
 @lru_cache(maxsize=24)
 def _cached_world(name: str, seed: int, size: tuple[int, int]) -> World:
     """Load a world from the disk cache, or build it."""
-    from physic_testing.worlds.cameras import Camera
+    from physic_testing.worlds.cameras import RoomCamera
     from physic_testing.worlds.dents import Dent
     from physic_testing.worlds.rooms import Room, Walls
     from physic_testing.worlds.solids import Block, Ground
@@ -287,7 +287,7 @@ def _cached_world(name: str, seed: int, size: tuple[int, int]) -> World:
     world = disk_cache.load_or_build(
         disk_cache.cache_key("world", name, seed, *size),
         World,
-        (Intrinsics, Camera, Room, Walls, Dent, Ground, Block, Patch, Decoration, Plane, BodyParameters),
+        (Intrinsics, RoomCamera, Room, Walls, Dent, Ground, Block, Patch, Decoration, Plane, BodyParameters),
         lambda: _build(name, seed, size),
     )
     _make_read_only(world)
@@ -308,7 +308,7 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
     )
     from physic_testing.worlds.children import age_of, with_children
     from physic_testing.worlds.dents import press_dents
-    from physic_testing.worlds.ground_truth import place_bodies, project, render_pictures, visible_landmarks
+    from physic_testing.worlds.ground_truth import pose_world_bodies, project, render_pictures, visible_landmarks
     from physic_testing.worlds.other_bodies import other_body
     from physic_testing.worlds.reproducible_math import apply, dot
     from physic_testing.worlds.scene_setup import set_up_scene
@@ -323,7 +323,7 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
         model = with_children(model)
     stage = set_up_scene(model, action, seed, size, other, view)
     intrinsics, rng = stage.intrinsics, np.random.default_rng([seed, number, _COLOUR_STREAM])
-    bodies = place_bodies(model, stage, tuple(SKELETONS.values()))
+    bodies = pose_world_bodies(model, stage, tuple(SKELETONS.values()))
     parameters = bodies.parameters if model is fitted else _with_same_pelvis(fitted, bodies)
     in_room, outer = stage.camera.to_room(bodies.vertices), model.outer.numpy()
     dents = press_dents(stage.room.blocks, in_room, model.faces.numpy())
@@ -393,7 +393,7 @@ def _dent(room: Room, vertices: FloatArray) -> FloatArray:
     return np.where(np.maximum(-room.signed_distance(vertices), 0) < depth, depth, 0)
 
 
-def _with_same_pelvis(model: BodyModel, bodies: PosedBodies) -> BodyParameters:
+def _with_same_pelvis(model: BodyModel, bodies: WorldBodies) -> BodyParameters:
     """Return the parameters of bodies of another model, moved so that this model has the pelvis at the same place."""
     from physic_testing.worlds.contact_fit import pose_body
 

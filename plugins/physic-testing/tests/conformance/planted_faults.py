@@ -21,7 +21,7 @@ from physic_mock import backends as mocks
 from physic_testing.conformance.backend_under_test import find_backend
 from physic_testing.conformance.kit import start_checks
 from physic_testing.conformance.run import CheckRun
-from physic_testing.conformance.truth import mirrored_order, posed_bodies
+from physic_testing.conformance.truth import embedded_surface, mirrored_order
 
 NO_NOISE: dict[str, dict[str, Any]] = {
     "MockMetricDepth": {"noise": 0, "stated_sigma": 0.1},
@@ -231,7 +231,7 @@ def pelvis_at(change: Callable[[np.ndarray], np.ndarray]) -> Callable[..., Any]:
     def changed(bodies: Any, *_: Any) -> Any:
         if not len(bodies.parameters):
             return bodies
-        pelvis = posed_bodies(bodies)[1][:, 0]
+        pelvis = embedded_surface(bodies)[1][:, 0]
         place = bodies.parameters.transl + change(pelvis) - pelvis
         return replace(bodies, parameters=replace(bodies.parameters, transl=place.astype(np.float32)))
 
@@ -261,7 +261,7 @@ def with_joints(order: Callable[[list[int]], list[int]]) -> Callable[..., Any]:
     """Joints of another body model, in another order."""
 
     def changed(bodies: Any, *_: Any) -> Any:
-        joints = posed_bodies(bodies)[1] if len(bodies.parameters) else np.zeros((0, 55, 3))
+        joints = embedded_surface(bodies)[1] if len(bodies.parameters) else np.zeros((0, 55, 3))
         joints = joints[:, order(list(range(55)))].astype(np.float32)
         joints[:, 22:] = np.nan
         shape = replace(bodies.parameters, betas=np.zeros((len(bodies.parameters), 10), np.float32))
@@ -481,7 +481,7 @@ READER_FAULTS: tuple[Fault, ...] = (
             b,
             parameters=replace(
                 b.parameters,
-                transl=posed_bodies(b)[1][:, 0].astype(np.float32) if len(b.parameters) else b.parameters.transl,
+                transl=embedded_surface(b)[1][:, 0].astype(np.float32) if len(b.parameters) else b.parameters.transl,
             ),
         ),
     ),  # the pelvis of the embedded body at rest is the origin, so there both are the same
