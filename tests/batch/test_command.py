@@ -50,7 +50,7 @@ def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(tmp_path: Pat
     Path("out/people.csv").unlink()
     again = physic(*options)
     assert len(Path("out/people.csv").read_text().splitlines()) == 2
-    assert again.stderr == ("2 photos: 0 to do, 1 done before; 1 failed before (--retry failed tries them again)\n")
+    assert again.stderr == ("2 photos: 0 to do, 1 done before; 1 failed before (--retry failed retries them)\n")
     assert Path("out/journal.jsonl").read_text() == journal
 
 
@@ -68,7 +68,7 @@ def test_a_dry_run_lists_the_photos_and_writes_nothing(tmp_path: Path, monkeypat
     rest = physic(*options, "--limit", "1", "--dry-run")
     assert rest.stdout == f"{tmp_path}/photos/b.jpg\n"
     assert rest.stderr.splitlines()[1] == (
-        "3 photos: 2 to do, 0 done before; 1 failed before (--retry failed tries them again); 1 of them now (--limit)"
+        "3 photos: 2 to do, 0 done before; 1 failed before (--retry failed retries them); 1 of them now (--limit)"
     )
 
 

@@ -223,7 +223,7 @@ def test_few_keypoints_leave_it_to_the_points() -> None:
     picture.keypoints[0, 5] = math.nan
     near = TRUE + torch.tensor([0.02, 0.0, 0.1])
     placed = picture.place(transl=near, vertices=VERTICES + near[:, None], landmarks=LANDMARKS + near[:, None])
-    assert placed.diagnostics[0]["problem"].startswith("2 keypoints have confidence 0.3 or more, 3 are needed")
+    assert placed.diagnostics[0]["problem"].startswith("2 keypoints have confidence 0.3 or more, but 3 are needed")
     assert error_cm(placed)[0] < 2
     assert error_cm(placed)[1] < 0.1
 
@@ -233,7 +233,7 @@ def test_few_points_leave_it_to_the_keypoints() -> None:
     picture.points[0] = picture.points[0][:10]
     placed = picture.place()
     facing = placed.diagnostics[0]["facing_vertices"]
-    problem = f"10 points and {facing} camera-facing vertices of the person, 50 of each are needed"
+    problem = f"10 points and {facing} camera-facing vertices of the person, but 50 of each are needed"
     assert placed.diagnostics[0]["problem"].startswith(problem)
     assert error_cm(placed).max() < 0.1
 

@@ -108,7 +108,7 @@ def test_a_run_reconstructs_the_chosen_person(world: World, kind: type) -> None:
     by_config = load_config(preset="mock", overrides=["segmenter.backend=own", "photo.person=[[1, 1]]"])
     with pytest.raises(NoPersonError, match=r"no person was found at point 1 \(1, 1\)"):
         reconstruct(world.image, by_config, registry=registry)
-    with pytest.raises(InputError, match=r"point 1 \(9999, 1\) lies outside the photo"):
+    with pytest.raises(InputError, match=r"point 1 \(9999, 1\) lies outside the upright photo"):
         reconstruct(world.image, config, registry=registry, people=PeoplePrompt(points=((9999, 1),)))
 
 

@@ -221,7 +221,7 @@ def test_the_websocket_of_another_site_gets_no_result(saved, viewer_of):
     with pytest.raises(InvalidStatus) as refused, connect(address, origin="http://evil.example"):
         pass
     assert refused.value.response.status_code == 403
-    assert refused.value.response.body == b"a page of another site sent this request\n"
+    assert refused.value.response.body == b"this request came from a page of another site\n"
 
 
 def test_only_the_names_and_addresses_of_this_machine_are_answered(saved, viewer_of):
