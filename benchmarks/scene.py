@@ -13,7 +13,6 @@ command says so and ends (``benchmarks/scene_rigs.py``).
 from __future__ import annotations
 
 import argparse
-import pickle
 import sys
 import time
 from collections.abc import Iterable, Mapping, Sequence
@@ -22,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.kept_results import kept
 from physic_core.metrics import contact_counts, match_by_masks, mpjpe_mm, pa_mpjpe_mm, precision_recall_f1
 
 NAMES = (
@@ -159,16 +159,6 @@ def camera_scores(camera: Any, rotation: Any, position: Any, true: Any) -> dict[
 
 
 # ---- results ---------------------------------------------------------------------------------------------------------
-
-
-def kept(path: Path, make: Any) -> Any:
-    """Return the result of a single photo, from a file of an earlier run if there is one."""
-    if path.is_file():
-        return pickle.loads(path.read_bytes())  # of this script's own folder
-    made = make()
-    path.with_suffix(".tmp").write_bytes(pickle.dumps(made))
-    path.with_suffix(".tmp").rename(path)
-    return made
 
 
 def mean_of(rows: Iterable[Mapping[str, float]]) -> dict[str, float]:

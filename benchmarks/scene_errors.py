@@ -20,7 +20,8 @@ import numpy as np
 from scipy.optimize import isotonic_regression
 from scipy.spatial.transform import Rotation
 
-from benchmarks.scene import NAMES, SIZE, kept, mock_config, world_seed
+from benchmarks.kept_results import kept
+from benchmarks.scene import NAMES, SIZE, mock_config, world_seed
 from physic_core.metrics import match_by_masks
 
 TARGET = Path(__file__).parents[1] / "plugins/physic-scene/physic_scene/measured_errors.json"

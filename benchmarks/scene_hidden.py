@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 import torch
 
-from benchmarks.scene import NAMES, SIZE, kept, mock_config, world_seed
+from benchmarks.kept_results import kept
+from benchmarks.scene import NAMES, SIZE, mock_config, world_seed
 from physic_core.metrics import match_by_masks
 
 VIEWS = 4

@@ -87,7 +87,7 @@ def run_rigs(data: Path, out: Path, kinds: Sequence[str], most: int, *, apart: b
 
 def _photos(scene: Any, data: Path, out: Path) -> Iterator[RigPhoto]:
     """Yield the photos of both rigs, from results that are kept in a folder."""
-    from benchmarks.scene import kept
+    from benchmarks.kept_results import kept
     from benchmarks.truth.sets import SETS, picture_of
 
     for name in ("panoptic", "roundtable"):

@@ -9,6 +9,7 @@ from physic_core import BackendRecord, CommandRecord, hookimpl
 
 if TYPE_CHECKING:
     from physic_scene.calibration import KnownCamera, read_calibration
+    from physic_scene.output import save_scene
     from physic_scene.scene import ScenePipeline, reconstruct_scene
     from physic_scene.types import SceneResult, SolvedPhoto
 
@@ -21,6 +22,7 @@ __all__ = [
     "physic_commands",
     "read_calibration",
     "reconstruct_scene",
+    "save_scene",
 ]
 
 _NAMES = {
@@ -30,6 +32,7 @@ _NAMES = {
     "ScenePipeline": "scene",
     "read_calibration": "calibration",
     "reconstruct_scene": "scene",
+    "save_scene": "output",
 }
 
 

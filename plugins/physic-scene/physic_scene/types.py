@@ -90,17 +90,3 @@ class SceneResult(ShortRepr):
     def cameras(self) -> tuple[CameraView, ...]:
         """Cameras of ``photos``, in their order; that of the reference, the frame of all, need not be the first."""
         return tuple(photo.camera for photo in self.photos)
-
-    def save(self, folder: str, *, overwrite: bool = False) -> None:
-        """Write the files of ``Reconstruction.save``, ``people.csv``, ``moment.json`` and ``scene_points.ply``.
-
-        Args:
-            folder: created if it does not exist.
-            overwrite: whether to replace the result of another photo.
-
-        Raises:
-            OutputError: the folder cannot be written, or a file of the user's would be lost.
-        """
-        from physic_scene.output import save_scene
-
-        save_scene(self, folder, overwrite=overwrite)

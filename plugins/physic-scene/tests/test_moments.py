@@ -287,7 +287,7 @@ def test_a_photo_that_is_left_out_is_a_warning_of_the_result(solver, alone):
 
 
 def test_save_writes_the_result_and_the_moment(solved, tmp_path):
-    solved.save(str(tmp_path / "out"))
+    save_scene(solved, str(tmp_path / "out"))
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert {"reconstruction.json", "people.csv", "moment.json", "scene_points.ply", "preview.png"} <= names
     loaded = load_reconstruction(tmp_path / "out")

@@ -9,7 +9,7 @@ import pytest
 
 from physic_core import Pipeline, load_config, load_reconstruction
 from physic_core.interfaces import PHOTO_INTERFACES
-from physic_scene import ScenePipeline
+from physic_scene import ScenePipeline, save_scene
 from physic_testing.worlds import build_world, view_names
 
 QUIET = {name: {"options": {"noise": 0.25}} for name in PHOTO_INTERFACES}
@@ -68,7 +68,7 @@ def test_what_the_reference_does_not_show_is_not_measured(found):
 
 
 def test_the_person_is_saved_and_read(found, tmp_path):
-    found.save(str(tmp_path / "out"))
+    save_scene(found, str(tmp_path / "out"))
     loaded = load_reconstruction(tmp_path / "out")
     assert [sorted(camera.people) for camera in loaded.cameras] == [
         sorted(camera.people) for camera in found.reconstruction.cameras
