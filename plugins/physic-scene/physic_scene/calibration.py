@@ -7,6 +7,7 @@ A photo belongs to the camera whose name it has: that of the file, of its beginn
 from __future__ import annotations
 
 import json
+import reprlib
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from physic_core.errors import InputError
+from physic_core.files.regular import read_regular
 from physic_core.types import CameraTrust, Intrinsics, Lens
 from physic_core.types.short_repr import ShortRepr
 
@@ -24,6 +26,10 @@ if TYPE_CHECKING:
     from physic_core.types import FloatArray
 
 _ORTHONORMAL = 0.01  # largest deviation of R R^T from the identity; files have four digits or more
+_FARTHEST_M = 1e5  # of a camera from the origin of its rig
+_LARGEST = 1e9  # number of an entry, in px or in the file's unit
+_LARGEST_FILE = 1 << 20  # bytes; a camera takes less than 1,000
+_LARGEST_COLMAP_FILE = 1 << 28  # bytes; Colmap's images.txt lists the points of each image
 
 
 @dataclass(frozen=True)
@@ -80,7 +86,7 @@ def read_calibration(
     """
     try:
         cameras = dict(_cameras(path, unit_m))
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError, KeyError, OverflowError, RecursionError) as error:
         raise InputError(f"cannot read the cameras of {path}: {error}") from error
     named = [_name_for(photo, cameras) for photo in photos]
     if not any(named):
@@ -128,7 +134,7 @@ def _cameras(path: Path, unit_m: float | None) -> Iterator[tuple[str, KnownCamer
     if path.is_dir() or path.name in ("cameras.txt", "images.txt"):
         yield from _colmap(path if path.is_dir() else path.parent, unit_m or 1.0)
         return
-    text = path.read_text("utf-8")
+    text = read_regular(path, _LARGEST_FILE).decode("utf-8")
     if path.suffix == ".json":
         kind, records = _PANOPTIC, _panoptic_records(path, json.loads(text))
     else:
@@ -169,7 +175,7 @@ def _camera(record: Any, kind: _Kind, unit_m: float, where: str) -> KnownCamera:
     pose = None
     if kind.rotation in record or kind.translation in record:
         rotation = _rotation(_numbers(record, kind.rotation, (3, 9), where), f"{where}: {kind.rotation}")
-        pose = _pose(rotation, unit_m * _numbers(record, kind.translation, (3,), where))
+        pose = _pose(rotation, unit_m * _numbers(record, kind.translation, (3,), where), where)
     return _known(K[[0, 1, 0, 1], [0, 1, 2, 2]], (width, height), distortion, pose)
 
 
@@ -183,11 +189,12 @@ def _numbers(record: Mapping[str, Any], name: str, counts: tuple[int, ...], wher
     """Return the numbers of an entry, flat."""
     try:
         found = np.array(record.get(name), np.float64).reshape(-1)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         found = np.full(1, np.nan)
-    if len(found) not in counts or not np.isfinite(found).all():
+    if len(found) not in counts or not (np.abs(found) < _LARGEST).all():
         expected = " or ".join(str(count) for count in counts if count)
-        raise InputError(f"{where}: {name} must have {expected} numbers, got {record.get(name)!r}")
+        got = reprlib.repr(record.get(name))
+        raise InputError(f"{where}: {name} must have {expected} numbers below {_LARGEST:g}, got {got}")
     return found
 
 
@@ -206,8 +213,10 @@ def _rotation(numbers: FloatArray, where: str) -> FloatArray:
     return nearest
 
 
-def _pose(rotation: FloatArray, translation: FloatArray) -> FloatArray:
+def _pose(rotation: FloatArray, translation: FloatArray, where: str) -> FloatArray:
     """Return the transform (4, 4) to the rig, for cameras that see x at ``rotation @ x + translation``."""
+    if not (np.abs(np.append(rotation, translation)) < _FARTHEST_M).all():
+        raise InputError(f"{where} has no pose within {_FARTHEST_M:g} m of the origin: correct it, or its unit")
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation.T, -rotation.T @ translation
     return pose
@@ -233,9 +242,11 @@ def _colmap(folder: Path, unit_m: float) -> Iterator[tuple[str, KnownCamera]]:
         _, *numbers, camera, name = line.split(maxsplit=9)
         quaternion, translation = np.array(numbers[:4], np.float64), np.array(numbers[4:], np.float64)
         rotation = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
-        yield Path(name).name, _known(*cameras[camera], _pose(rotation, unit_m * translation))
+        where = f"{folder / 'images.txt'}, image {name}"
+        yield Path(name).name, _known(*cameras[camera], _pose(rotation, unit_m * translation, where))
 
 
 def _lines(path: Path, every: int = 1) -> list[str]:
-    lines = [line for line in path.read_text("utf-8").splitlines() if not line.startswith("#")]
+    text = read_regular(path, _LARGEST_COLMAP_FILE).decode("utf-8")
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
     return [line for line in lines[::every] if line.strip()]
