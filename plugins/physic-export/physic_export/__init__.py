@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from physic_core import CommandRecord, ExporterRecord, hookimpl
+from physic_core import ExporterRecord, hookimpl
 
 __all__: list[str] = []
 
@@ -108,9 +108,3 @@ def physic_exporters() -> list[ExporterRecord]:
             options=_NAMES | _SKIN | {"texture_size": _TEXTURES["texture_size"]},
         ),
     ]
-
-
-@hookimpl
-def physic_commands() -> list[CommandRecord]:
-    """Return the record of ``physic simulate``."""
-    return [CommandRecord("simulate", "physic_export.simulate_command:simulate", summary="Let people stand in MuJoCo.")]

@@ -61,11 +61,13 @@ def export_mjcf(request: ExportRequest) -> ExportedFiles:
         raise InputError("rigid people have no ankles to turn about: give either rigid or balance (--rigid, --balance)")
     jointed = [] if rigid else people_of(request, request.people, balance=balance)
     tiles = convex_tiles(request.result) if request.scene else []
-    root = mjcf_tree(request, tiles, jointed)
+    root = _mjcf_tree(request, tiles, jointed)
     picture = _add_scene(root, request)
     if jointed:
         add_photo_key(root)
-    files = {f"{request.stem}{request.suffix}": mjcf_text(root), **picture}
+    ElementTree.indent(root)
+    text: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+    files = {f"{request.stem}{request.suffix}": text, **picture}
     notes = tuple(person.note for person in jointed if person.note)
     if not request.scene:
         return ExportedFiles(files, notes)
@@ -76,23 +78,13 @@ def export_mjcf(request: ExportRequest) -> ExportedFiles:
     return ExportedFiles(files, (*notes, note))
 
 
-def mjcf_text(root: ElementTree.Element) -> bytes:
-    """Return the content of an MJCF file."""
-    ElementTree.indent(root)
-    text: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
-    return text
-
-
-def mjcf_tree(
-    request: ExportRequest, tiles: Sequence[Tile], jointed: Sequence[ExportedPerson], *, springs: bool = False
-) -> ElementTree.Element:
+def _mjcf_tree(request: ExportRequest, tiles: Sequence[Tile], jointed: Sequence[ExportedPerson]) -> ElementTree.Element:
     """Return the MJCF elements of a request, without the mesh of the scene and without keyframes.
 
     Args:
         request: with z up.
         tiles: of the scene.
         jointed: the people who have joints; the others of the request are rigid.
-        springs: whether springs hold the pose of the joints, in place of actuators.
     """
     result, matrix = request.result, request.frame.from_camera
     root = ElementTree.Element("mujoco", model="physic")
@@ -105,9 +97,9 @@ def mjcf_tree(
     ElementTree.SubElement(visual, "headlight", ambient="0.4 0.4 0.4", diffuse="0.6 0.6 0.6", specular="0 0 0")
     ElementTree.SubElement(visual, "map", znear="0.01")
     if jointed:
-        add_defaults(root, springs=springs)
+        add_defaults(root)
     asset, world = ElementTree.SubElement(root, "asset"), ElementTree.SubElement(root, "worldbody")
-    if jointed and not springs:
+    if jointed:
         ElementTree.SubElement(root, "actuator")
     ElementTree.SubElement(
         world, "geom", {"name": "floor", "type": "plane", "size": "0 0 1", "rgba": _FLOOR, "friction": FRICTION}
@@ -126,7 +118,7 @@ def mjcf_tree(
         geom = {"contype": str(bit), "conaffinity": str(2**31 - 1 - bit), "group": "3"}
         geom |= {"friction": FRICTION, "rgba": RGBA}
         segments = body_segments(person.rig, person.vertices)
-        add_humanoid(root, f"person_{person.index}", segments, geom, springs=springs)
+        add_humanoid(root, f"person_{person.index}", segments, geom)
     pose = camera_pose(request.frame)
     quaternion = roma.rotmat_to_unitquat(torch.from_numpy(pose[:3, :3].copy())).numpy()
     ElementTree.SubElement(

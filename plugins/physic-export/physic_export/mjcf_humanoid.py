@@ -1,8 +1,7 @@
-"""People of MJCF files with joints: bodies, hinges, and either position actuators or passive springs."""
+"""People of MJCF files with joints: bodies, hinges and position actuators."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
@@ -19,60 +18,28 @@ if TYPE_CHECKING:
     from physic_export.humanoid import Hinge
 
 
-@dataclass(frozen=True)
-class Passive:
-    """Passive torques of the hinges of a joint.
-
-    Attributes:
-        stiffness: Nm/rad, towards the pose of the file.
-        damping: Nm s/rad.
-        friction: Nm, dry friction.
-    """
-
-    stiffness: float
-    damping: float
-    friction: float
-
-
-PASSIVE = {"trunk": Passive(10_000.0, 500.0, 5.0), "arm": Passive(1000.0, 50.0, 1.0)}
-"""Classes of joints: of trunk, legs and head; of arms. They make the body nearly a statue, so that a body that falls
-is out of balance; with ten times the stiffness, the same bodies of worlds stay. No passive person stands: the stiffness
-of human ankles in quiet standing is 91 % of the load's (Loram and Lakie, J. Physiol. 545.3, 2002), and muscles do the
-rest."""
-
 _ARMATURE = 0.05  # kg m2, keeps the small bodies stable
 
 
-def add_defaults(root: ElementTree.Element, *, springs: bool) -> None:
-    """Add what all hinges have, and the passive torques as classes."""
+def add_defaults(root: ElementTree.Element) -> None:
+    """Add what all hinges have."""
     defaults = ElementTree.SubElement(root, "default")
     ElementTree.SubElement(defaults, "joint", armature=f"{_ARMATURE:g}")
-    for name, passive in PASSIVE.items() if springs else ():
-        own = ElementTree.SubElement(defaults, "default", {"class": name})
-        ElementTree.SubElement(
-            own,
-            "joint",
-            stiffness=f"{passive.stiffness:g}",
-            damping=f"{passive.damping:g}",
-            frictionloss=f"{passive.friction:g}",
-        )
 
 
-def add_humanoid(
-    root: ElementTree.Element, name: str, segments: Sequence[Segment], geom: dict[str, str], *, springs: bool
-) -> None:
+def add_humanoid(root: ElementTree.Element, name: str, segments: Sequence[Segment], geom: dict[str, str]) -> None:
     """Add a person with joints, in their pose.
 
     Args:
-        root: of the file, with "asset", "worldbody" and, without springs, "actuator".
+        root: of the file, with "asset", "worldbody" and "actuator".
         name: such as "person_0"; bodies are "person_0" (the pelvis), "person_0_left_hip", ...
         segments: of the person.
         geom: attributes of the shapes that collide.
-        springs: whether springs hold the pose, in place of actuators.
     """
     asset, world, actuators = (root.find(tag) for tag in ("asset", "worldbody", "actuator"))
     assert asset is not None
     assert world is not None
+    assert actuators is not None
     mass = sum(one.mass for one in segments)
     bodies: list[ElementTree.Element] = []
     for segment in segments:
@@ -85,9 +52,8 @@ def add_humanoid(
         if segment.parent < 0:
             ElementTree.SubElement(body, "freejoint", name=f"{name}_root")
         for hinge in segment.hinges:
-            _add_hinge(body, f"{own}_{hinge.axis}", segment.name, hinge, springs)
-            if actuators is not None and not springs:
-                _add_actuator(actuators, f"{own}_{hinge.axis}", max_torque(segment.name, mass))
+            _add_hinge(body, f"{own}_{hinge.axis}", hinge)
+            _add_actuator(actuators, f"{own}_{hinge.axis}", max_torque(segment.name, mass))
         add_mesh(asset, f"{own}_skin", *segment.skin)
         skin = {"contype": "0", "conaffinity": "0", "group": "2", "mass": "0", "rgba": RGBA}
         ElementTree.SubElement(body, "geom", {"name": f"{own}_skin", "type": "mesh", "mesh": f"{own}_skin"} | skin)
@@ -109,12 +75,9 @@ def add_photo_key(root: ElementTree.Element) -> None:
     ElementTree.SubElement(key, "key", name="photo", qpos=" ".join(places), ctrl=" ".join(controls))
 
 
-def _add_hinge(body: ElementTree.Element, name: str, label: str, hinge: Hinge, springs: bool) -> None:
+def _add_hinge(body: ElementTree.Element, name: str, hinge: Hinge) -> None:
     shared = {"name": name, "axis": numbers(hinge.posed, 8), "ref": f"{hinge.angle:.6f}"}
     shared["range"] = numbers((hinge.low, hinge.high))
-    if springs:
-        arm = label.endswith(("collar", "shoulder", "elbow", "wrist"))
-        shared |= {"class": "arm" if arm else "trunk", "springref": f"{hinge.angle:.6f}"}
     ElementTree.SubElement(body, "joint", shared)
 
 

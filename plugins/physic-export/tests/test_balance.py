@@ -1,0 +1,120 @@
+"""Bodies that stand: actuators hold them, and the option "balance" turns those that lean over their soles."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from physic_core import Reconstruction
+from physic_core.body import load_body
+from physic_core.body.joints import JOINT_NAMES
+from physic_core.body.parameters import parameters_from_rotations
+from physic_core.errors import InputError
+from physic_core.types import BodyContact, ContactPartner
+from physic_core.types.support import Support, SupportState
+
+pytest.importorskip("mujoco")
+
+FLOOR = ContactPartner("floor")
+
+
+@pytest.fixture(scope="module")
+def standing(result: Reconstruction) -> Reconstruction:
+    return upright(result)
+
+
+def upright(result: Reconstruction, lean: float = 0.0) -> Reconstruction:
+    """The first person in a T-pose, upright, with the soles on a floor without a scene.
+
+    Args:
+        result: with a floor.
+        lean: angle of the body forward over its feet, radians.
+    """
+    model, floor = load_body("embedded").to(dtype=torch.float64), result.scene.floor
+    up = np.asarray(floor.normal, np.float64)
+    forward = np.array([0.0, 0.0, -1.0]) + up[2] * up
+    forward /= np.linalg.norm(forward)
+    rotations = torch.eye(3, dtype=torch.float64).repeat(1, 55, 1, 1)
+    body = np.stack([np.cross(up, forward), up, forward], 1) @ Rotation.from_euler("x", lean).as_matrix()
+    rotations[0, 0] = torch.from_numpy(body)
+    for joint in (JOINT_NAMES.index(f"{side}_ankle") for side in ("left", "right")):
+        rotations[0, joint] = torch.from_numpy(Rotation.from_euler("x", -lean).as_matrix())
+    betas, transl = torch.zeros(1, 16, dtype=torch.float64), np.array([0.0, 0.0, 3.0])
+    low = (model(rotations, betas, torch.from_numpy(transl[None])).vertices[0].numpy() @ up + floor.offset).min()
+    place = torch.from_numpy((transl - low * up)[None])
+    posed = model(rotations, betas, place)
+    person = replace(
+        result.people[0],
+        parameters=parameters_from_rotations(rotations, betas, None, place),
+        vertices=posed.vertices[0].numpy().astype(np.float32),
+        joints=posed.joints[0].numpy().astype(np.float32),
+    )
+    empty = replace(result.scene, valid=np.zeros_like(result.scene.valid))
+    soles = person.vertices @ up + floor.offset < 0.01
+    partner = np.where(soles, 0, -1).astype(np.int16)
+    person = replace(person, contact=soles, contact_partner=partner)
+    return replace(result, people=(person,), scene=empty, contact_partners=(ContactPartner("floor"),))
+
+
+def test_an_upright_body_stands_on_its_actuators(standing: Reconstruction, tmp_path: Path):
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_path(str(standing.export(str(tmp_path / "a.xml")).files[0]))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("photo").id)
+    height, angles, worst = data.qpos[2], data.qpos[7:].copy(), 0.0
+    while data.time < 2.0:
+        mujoco.mj_step(model, data)
+        worst = max(worst, float(np.abs(data.qpos[7:] - angles).max()))
+    assert np.rad2deg(worst) < 1.0
+    assert data.qpos[2] == pytest.approx(height, abs=0.01)
+
+
+@pytest.fixture(scope="module")
+def leaning(result: Reconstruction) -> Reconstruction:
+    """A body that leans backwards by 8 degrees over its feet, which carry it."""
+    leaning = upright(result, lean=np.deg2rad(-8))
+    feet = support(SupportState.UNBALANCED, ("left_foot", "right_foot"), FLOOR)
+    return replace(leaning, people=(replace(leaning.people[0], support=feet),))
+
+
+def test_an_exported_body_is_turned_over_its_soles_which_stay(leaning: Reconstruction, tmp_path: Path):
+    import mujoco
+
+    soles, centres = [], []
+    for name, balance in (("as_it_is.xml", False), ("turned.xml", True)):
+        done = leaning.export(str(tmp_path / name), balance=balance)
+        turns = [found[1] for note in done.notes if (found := re.search(r"by ([\d.]+) degrees", note))]
+        assert len(turns) == balance
+        assert all(3.0 < float(angle) < 8.0 for angle in turns)
+        model = mujoco.MjModel.from_xml_path(str(done.files[0]))
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        spheres = model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE
+        soles.append(data.geom_xpos[spheres])
+        centres.append(data.subtree_com[model.body("person_0").id])
+    np.testing.assert_allclose(soles[1], soles[0], atol=5e-3)
+    edges = ConvexHull(soles[1][:, :2]).equations
+    inside = [float(-(edges[:, :2] @ centre[:2] + edges[:, 2]).max()) for centre in centres]
+    assert inside[0] < 0
+    assert inside[1] == pytest.approx(0.04, abs=2e-3)
+
+
+def test_who_sits_is_not_turned_and_rigid_people_cannot_be(leaning: Reconstruction, tmp_path: Path):
+    seat = support(SupportState.BALANCED, ("left_foot", "seat"), FLOOR)
+    sitter = replace(leaning, people=(replace(leaning.people[0], support=seat),))
+    assert not any("ankles" in note for note in sitter.export(str(tmp_path / "a.xml"), balance=True).notes)
+    with pytest.raises(InputError, match="either rigid or balance"):
+        leaning.export(str(tmp_path / "b.xml"), rigid=True, balance=True)
+
+
+def support(state: SupportState, parts, partner: ContactPartner) -> Support:
+    contacts = tuple(BodyContact(part, partner, 0.9, 100) for part in parts)
+    return Support(state, contacts, -0.1, (0.0, 0.0, 3.0))
