@@ -14,7 +14,6 @@ from physic_core.discovery.plugin_code import plugin_code, plugin_error
 from physic_core.discovery.plugins import discover
 from physic_core.errors import BackendError, PhysicError
 from physic_core.weights.lock import FileUse, recorded_uses
-from physic_core.weights.verify import require_unchanged_files
 
 if TYPE_CHECKING:
     from physic_core.configuration.resolve import ResolvedBackend
@@ -40,7 +39,7 @@ class LoadedBackends:
         if key not in self._ready:
             self.close(resolved)
             self._loaded[key] = resolved  # before loading: a half-loaded backend is closed too
-            with require_unchanged_files(), recorded_uses() as uses:
+            with recorded_uses() as uses:
                 resolved.backend.load(self._device)
             self._uses[key] = uses
             self._ready.add(key)

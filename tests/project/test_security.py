@@ -83,8 +83,6 @@ WEIGHTS = {
     "A run compares a weight file": (
         "tests/weights/test_verify.py::test_a_damaged_file_is_refused_and_not_missing",
         "tests/weights/test_verify.py::test_a_file_is_read_once_in_a_process_until_it_changes",
-        "tests/weights/test_verify.py::test_a_file_that_is_written_while_it_is_compared_is_refused",
-        "tests/weights/test_verify.py::test_a_file_that_is_replaced_while_it_is_loaded_is_refused",
     ),
     "The embedded networks and the embedded body": (
         "plugins/physic-embedded/tests/test_weights.py::test_a_network_with_one_other_bit_is_refused",
