@@ -21,9 +21,7 @@ from physic_serve.uploads import KINDS, SETTINGS, read_upload
 from physic_serve.worker import PHOTO_FILE, REPORT_FILE
 
 if TYPE_CHECKING:
-    from starlette.types import ASGIApp, Message, Receive
-
-    from physic_serve.settings import Limits
+    from starlette.types import ASGIApp
 
 _POLL_S, _HEARTBEAT_S = 0.2, 15.0
 _TYPES = {
@@ -99,11 +97,9 @@ def _status(jobs: Jobs, job: Job) -> Status:
 
 def _add_interface(app: FastAPI, jobs: Jobs) -> None:
     limits = jobs.limits
-    slow = f"the upload took more than {limits.upload_s:g} s, or came at less than {limits.rate_bytes_s / 1e3:g} kB/s"
     known: dict[int | str, dict[str, Any]] = {404: {"model": Failure}}
     refusals: dict[int | str, dict[str, Any]] = {
         400: {"model": Failure, "description": "no photo, or a form that cannot be read"},
-        408: {"model": Failure, "description": slow},
         413: {"model": Failure, "description": f"more than {limits.upload_mb:g} MB"},
         415: {"model": Failure, "description": f"not {KINDS}"},
         422: {"model": Failure, "description": "a setting is not a number in its range"},
@@ -122,11 +118,7 @@ def _add_interface(app: FastAPI, jobs: Jobs) -> None:
     async def upload(request: Request) -> Response:
         try:
             with jobs.new() as job:
-                async with asyncio.timeout(limits.head_s) as end:
-                    paced = Request(request.scope, _paced(request.receive, end, limits))
-                    job.photo, job.settings = await read_upload(paced, job.folder / PHOTO_FILE)
-        except TimeoutError:
-            raise HTTPException(408, slow) from None
+                job.photo, job.settings = await read_upload(request, job.folder / PHOTO_FILE)
         except OSError as error:
             raise HTTPException(507, f"the server cannot store the photo: {error.strerror}") from error
         if wants_page(request):
@@ -215,20 +207,6 @@ def _add_errors(app: FastAPI) -> None:
     @app.exception_handler(QueueFull)
     async def full(request: Request, error: QueueFull) -> Response:
         return answer(request, 503, str(error), {"Retry-After": str(error.retry_s)})
-
-
-def _paced(receive: Receive, end: asyncio.Timeout, limits: Limits) -> Receive:
-    """Let what is received put off the end of an upload, at the least rate and up to the longest time."""
-    start, count = asyncio.get_running_loop().time(), 0
-
-    async def receive_paced() -> Message:
-        nonlocal count
-        message = await receive()
-        count += len(message.get("body", b""))
-        end.reschedule(start + min(limits.upload_s, limits.head_s + count / limits.rate_bytes_s))
-        return message
-
-    return receive_paced
 
 
 async def _events(jobs: Jobs, job: Job) -> AsyncIterator[str]:

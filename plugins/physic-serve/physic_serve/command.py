@@ -70,11 +70,12 @@ def serve(
 
     Photos are reconstructed one at a time. All uploads and results are deleted when the server ends.
     """
+    import uvicorn
+
     from physic_core import load_config
+    from physic_core.files.atomic import check_writable
     from physic_core.visual.report import require_report
     from physic_serve.app import make_app
-    from physic_serve.connections import make_server
-    from physic_serve.folder import server_folder
     from physic_serve.jobs import Jobs
     from physic_serve.settings import Limits
     from physic_serve.worker import Worker, open_pipeline
@@ -86,13 +87,12 @@ def serve(
         require_report()
     except ConfigError as error:
         echo(f"results are shown without their page: {error}", err=True)
-    parent = Path(tempfile.gettempdir()) if folder is None else folder
-    parent.mkdir(parents=True, exist_ok=True)
+    parent = check_writable(folder or tempfile.gettempdir())
     _end_at_signals()
     with ExitStack() as stack:
-        place = stack.enter_context(server_folder(parent))
-        tempfile.tempdir = str(place)  # for parts of forms
-        jobs = Jobs(place, partial(Worker, config, open_pipeline, formats), limits)
+        own = tempfile.TemporaryDirectory(prefix="physic-serve-", dir=parent, ignore_cleanup_errors=True)
+        tempfile.tempdir = stack.enter_context(own)  # for parts of forms
+        jobs = Jobs(Path(tempfile.tempdir), partial(Worker, config, open_pipeline, formats), limits)
         stack.callback(jobs.close)
         stack.callback(_ignore_signals)
         jobs.start()
@@ -102,7 +102,10 @@ def serve(
         if not is_loopback(host):
             echo(exposure_warning(host), err=True)
         names = {name.lower() for name in ("localhost", host, *allow_host)}
-        server = make_server(make_app(jobs, frozenset(names)), host, port, limits)
+        app = make_app(jobs, frozenset(names))
+        server = uvicorn.Server(
+            uvicorn.Config(app, host, port, ws="none", log_level="warning", timeout_graceful_shutdown=2)
+        )
         sockets = [server.config.bind_socket()]
         sockets[0].listen()  # clients may connect as soon as they read the address
         address = f"[{host}]" if ":" in host else host

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import asyncio
 import errno
 import json
 import os
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -182,37 +180,6 @@ def test_a_foreign_or_malformed_host_or_origin_is_refused(
 )
 def test_the_names_and_addresses_of_the_server_are_answered(serve: Serve, headers: dict[str, str]):
     assert serve().post(headers=headers).status_code == 202
-
-
-@pytest.mark.parametrize("limits", [{"upload_s": 0.2}, {"head_s": 0.2}], ids=["time", "rate"])
-@pytest.mark.parametrize("as_form", [False, True])
-def test_an_upload_that_does_not_end_is_408(serve: Serve, as_form: bool, limits: dict[str, float]):
-    """The body stops after its first bytes; without the limit, the test's own limit ends it."""
-    served = serve(**limits)
-    kind = b"multipart/form-data; boundary=b" if as_form else b"image/jpeg"
-    begun = b'--b\r\nContent-Disposition: form-data; name="photo"; filename="p"\r\n\r\n' if as_form else b""
-    sent: list[Any] = []
-
-    async def post() -> None:
-        parts = iter([{"type": "http.request", "body": begun + PHOTO[:100], "more_body": True}])
-
-        async def receive() -> Any:
-            for part in parts:
-                return part
-            await asyncio.sleep(3600)
-
-        async def send(message: Any) -> None:
-            sent.append(message)
-
-        headers = [(b"host", b"testserver"), (b"content-type", kind)]
-        scope = {"type": "http", "method": "POST", "path": "/reconstructions", "query_string": b"", "headers": headers}
-        await asyncio.wait_for(served.app(scope, receive, send), 60)
-
-    asyncio.run(post())
-    assert sent[0]["status"] == 408
-    assert b"the upload took more than" in sent[1]["body"]
-    assert list(served.jobs.folder.iterdir()) == []
-    assert served.post().status_code == 202
 
 
 def test_a_deleted_job_is_gone_and_its_folder_too(serve: Serve, tmp_path: Path):

@@ -36,7 +36,8 @@ def photo(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @contextmanager
 def started(folder: Path, end: signal.Signals = signal.SIGTERM) -> Iterator[str]:
-    """Yield the address of a server with mock estimators, which the signal ends; its folder is empty then."""
+    """Yield the address of a server with mock estimators, which the signal ends; its folder is then as before."""
+    before = sorted(folder.rglob("*"))
     command = [sys.executable, "-P", "-m", "physic_core", "serve", "--preset", "mock", "--port", "0"]
     options = ["--max-mb", "5", "--queue", "30", "--allow-host", "photos.example", "--folder", str(folder)]
     with subprocess.Popen(
@@ -49,7 +50,7 @@ def started(folder: Path, end: signal.Signals = signal.SIGTERM) -> Iterator[str]
         process.send_signal(end)
         _, log = process.communicate(timeout=60)
     assert "Traceback" not in log
-    assert list(folder.iterdir()) == []
+    assert sorted(folder.rglob("*")) == before
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +60,9 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="Windows has no SIGHUP")
-def test_a_closed_terminal_leaves_no_photo(photo: Path, tmp_path: Path):
+def test_a_closed_terminal_leaves_no_photo_and_the_files_of_the_user(photo: Path, tmp_path: Path):
+    (tmp_path / "physic-serve-docker" / "jobs").mkdir(parents=True)
+    (tmp_path / "physic-serve-docker" / "docker-compose.yml").write_text("mine")
     with started(tmp_path, signal.SIGHUP) as address:
         for _ in range(3):
             assert httpx2.post(f"{address}/reconstructions", content=photo.read_bytes()).status_code == 202
@@ -150,6 +153,13 @@ def test_a_wrong_option_is_an_error_before_anything_is_loaded():
     done = CliRunner().invoke(main, ["serve", "--preset", "mokc"])
     assert done.exit_code == 2
     assert "mokc" in done.stderr
+
+
+def test_a_file_as_the_folder_is_refused(tmp_path: Path):
+    (tmp_path / "notes").write_text("mine")
+    done = CliRunner().invoke(main, ["serve", "--preset", "mock", "--folder", str(tmp_path / "notes")])
+    assert done.exit_code == 2
+    assert str(tmp_path / "notes") in done.stderr
 
 
 @pytest.mark.parametrize("option", ["--max-mb", "--timeout", "--keep-hours"])
