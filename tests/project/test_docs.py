@@ -15,10 +15,12 @@ from physic_core.discovery.plugins import discover
 pytestmark = pytest.mark.usefixtures("few_steps")
 
 ROOT = Path(__file__).parents[2]
+TOPS = ("benchmarks", "contrib", "docs", "examples", "physic_core", "plugins", "tools")
 PAPERS = [page for page in ROOT.glob("*.md") if page.name != "CHANGELOG.md"]
 PAGES = sorted(
     [*PAPERS, *ROOT.glob("docs/**/*.md"), *ROOT.glob("plugins/*/README.md"), ROOT / "examples" / "README.md"]
 )
+MARKDOWN = sorted({*ROOT.glob("*.md"), *(p for top in TOPS for p in (ROOT / top).rglob("*.md"))})
 
 
 def blocks(language: str) -> list[str]:
@@ -105,6 +107,13 @@ def test_every_file_that_a_paper_names_is_there(page: str):
     for folder, names in re.findall(r"^\| file in `(.*?)/` .*?\n\|[-|]+\n((?:\|.*\n)+)", text, re.M):
         for name in re.findall(r"`([\w*]+\.py)`", "\n".join(row.split("|")[1] for row in names.splitlines())):
             assert list((ROOT / "physic_core" / folder).glob(name)), name
+
+
+@pytest.mark.parametrize("page", MARKDOWN, ids=lambda p: str(p.relative_to(ROOT)))
+def test_no_table_is_cut_by_a_blank_line(page: Path):
+    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
+    starts = re.findall(r"(?:^|\n\n)(\|.*)\n(.*)", text)
+    assert [row for row, below in starts if not re.fullmatch(r"\|[-:| ]+\|", below)] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
