@@ -13,7 +13,7 @@ the box with the pixel grid of their input. A wrong choice shifts the result by 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
@@ -85,7 +85,12 @@ def crop_around_box(
         padding: size of the region relative to the box.
         grid: alignment of the region with the pixel grid of the crop.
         mirrored: exchange left and right about the centre of the region.
+
+    Raises:
+        ValueError: ``grid`` is none of :data:`PixelAlignment`.
     """
+    if grid not in get_args(PixelAlignment):
+        raise ValueError(f"grid must be one of {', '.join(get_args(PixelAlignment))}; got {grid!r}")
     middle, size = padded_region(box, width / height, padding)
     cells = np.array([width, height], np.float64)
     if grid == "corners":

@@ -51,6 +51,11 @@ def test_a_tall_box_is_widened_and_a_wide_box_heightened() -> None:
     assert padded_region(np.array([0.0, 0.0, 90.0, 60.0]), 0.75, 1.25)[1].tolist() == [112.5, 150.0]
 
 
+def test_an_unknown_grid_is_refused() -> None:
+    with pytest.raises(ValueError, match="'centers'"):
+        crop_around_box(BOX, 192, 256, grid="centers")  # type: ignore[arg-type]
+
+
 def test_each_grid_puts_the_box_where_its_networks_learned_it() -> None:
     middle, size = padded_region(BOX, 0.75, 1.25)
     corners, halves, areas = (crop_around_box(BOX, 192, 256, grid=grid) for grid in GRIDS)
