@@ -188,11 +188,11 @@ CLAIMS: dict[str, tuple[bytes, str]] = {
     "a long name": (b"\x80\x02c" + b"A" * 5_000_000 + b"\nx\n)R.", f"asks for '{'A' * 77}...', which"),
     "a long kind": (
         b"\x80\x02ccopy_reg\n_reconstructor\n(X" + (3_000_000).to_bytes(4, "little") + b"z" * 3_000_000 + b"tR.",
-        f"asks for 'the making of {'z' * 77}...', which",
+        NEITHER,
     ),
     "a kind of many": (
         b"\x80\x02ccopy_reg\n_reconstructor\n()" + b"2\x86" * 40 + b"tR.",
-        "asks for 'the making of a tuple', which",
+        NEITHER,
     ),
     "a long encoding": (
         b"\x80\x02c_codecs\nencode\n(X\x01\x00\x00\x00aX\x05\x00\x00\x00\x1b[31mtR.",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import zipfile
 from collections.abc import Callable
 from typing import Any
@@ -20,6 +21,16 @@ def with_shape(shape: tuple[int, ...]) -> io.BytesIO:
     with zipfile.ZipFile(file, "w") as archive:
         archive.writestr("points.npy", member.getvalue() + bytes(60))
     return file
+
+
+def test_arrays_of_more_than_4_gb_are_refused_by_the_sizes_that_the_file_states():
+    file = io.BytesIO()
+    np.savez(file, a=np.zeros(3), b=np.zeros(3))
+    content = bytearray(file.getvalue())
+    for entry in re.finditer(b"PK\x01\x02", content):
+        content[entry.start() + 24 : entry.start() + 28] = (3 << 30).to_bytes(4, "little")  # size when inflated
+    with pytest.raises(ValueError, match="claim 6,442 MB"):
+        read_arrays(io.BytesIO(content))
 
 
 @pytest.mark.parametrize("read", [read_arrays, read_headers])

@@ -82,6 +82,11 @@ def test_the_photo_is_never_overwritten(out: Path, photo: Path, link, overwrite:
     )
 
 
+def test_no_photo_of_several_is_overwritten(out: Path, photo: Path):
+    shutil.copy(photo, out / "preview.png")
+    assert "the photo itself" in refusal(out, f"sha256:0 {file_digest(photo)}", overwrite=True)
+
+
 def test_a_photo_that_is_a_file_of_its_folders_result_is_never_overwritten(out: Path):
     result(out, "sha256:0")
     (out / "preview.png").write_text("a picture that is used as a photo now")

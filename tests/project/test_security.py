@@ -23,8 +23,8 @@ CANNOT_RUN_CODE = {
         "tests/io/test_results.py::test_a_pickle_in_the_arrays_is_not_opened",
         "tests/io/test_results.py::test_values_that_do_not_belong",
     ),
-    "an SMPL-X archive": "tests/body/test_smplx_file.py::test_a_smplx_file_is_read_without_unpickling",
-    "an SMPL or MANO pickle": (
+    "an SMPL-X, SMPL or MANO file": (
+        "tests/body/test_smplx_file.py::test_a_smplx_file_is_read_without_unpickling",
         "tests/body/test_smpl_file.py::test_a_pickle_runs_nothing",
         "plugins/physic-human/tests/test_chumpy_free.py::test_a_file_that_would_run_code_is_refused",
     ),
@@ -114,6 +114,7 @@ WRITTEN = {
     "A file of yours is never replaced": (
         "tests/io/test_output.py::test_every_foreign_file_is_named_at_once",
         "tests/io/test_output.py::test_an_edited_file_is_replaced_with_overwrite_only",
+        "tests/io/test_output.py::test_saving_replaces_the_same_photos_result_alone",
         "tests/io/test_results.py::test_an_edited_document_is_read_and_replaced_as_the_runs_own",
     ),
     "`physic export --overwrite` replaces": (
@@ -132,6 +133,7 @@ WRITTEN = {
     "The photo is never replaced": (
         "tests/io/test_output.py::test_the_photo_is_never_overwritten",
         "tests/io/test_output.py::test_a_photo_that_is_a_file_of_its_folders_result_is_never_overwritten",
+        "tests/io/test_output.py::test_no_photo_of_several_is_overwritten",
     ),
 }
 READ = {
@@ -154,7 +156,8 @@ READ = {
         "tests/attacks/test_lost_data.py::test_the_number_of_scans_is_bounded",
     ),
     "arrays in a result, an archive or the cache": (
-        "tests/cache/test_damage.py::test_an_archive_that_claims_more_than_memory_is_not_unpacked"
+        "tests/files/test_npz.py::test_arrays_of_more_than_4_gb_are_refused_by_the_sizes_that_the_file_states",
+        "tests/cache/test_damage.py::test_an_archive_that_claims_more_than_memory_is_not_unpacked",
     ),
     "people in a result": (
         "tests/io/test_results.py::test_more_people_than_a_photo_can_show_are_refused_before_they_are_looked_at"
