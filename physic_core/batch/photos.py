@@ -39,8 +39,7 @@ class PhotoItem:
         settings: of the table ``[photo]`` for this photo alone.
         stamp: size in bytes and modification time in ns of the file at some time before it is read, by
             :meth:`stamped`; None if it is unknown, or there is no file.
-        replaces: names of files of an earlier result, of which some are lost: the others are deleted before the new
-            result is saved.
+        replaces: names of the files of an earlier result, of which some are lost.
         others: the other photos of the same moment.
     """
 

@@ -137,10 +137,15 @@ class PhotoProcessor:
 
     def _save(self, result: Reconstruction, item: PhotoItem, beside: Mapping[str, bytes]) -> None:
         out, folder = Path(self.job.out), photo_folder(item.id)
-        for name in item.replaces:
-            (out / folder / name).unlink(missing_ok=True)
-        title = Path(item.path).name
-        save_reconstruction(result, out / folder, self.job.save, title=title, overwrite=True, beside=beside)
+        save_reconstruction(
+            result,
+            out / folder,
+            self.job.save,
+            title=Path(item.path).name,
+            overwrite=True,
+            beside=beside,
+            earlier=item.replaces,
+        )
         if self.job.thumbnails:
             write_thumbnail(result, out, folder)
 

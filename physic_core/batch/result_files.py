@@ -54,10 +54,10 @@ def file_sizes_text(out: Path, folder: str, saving: Saving, *, thumbnails: bool)
 
 
 def is_complete(out: Path, folder: str, row: Mapping[str, Any], saving: Saving) -> bool:
-    """Return whether the files that the row of a finished photo names are there with their sizes.
+    """Return whether the files that the row of a finished photo names are there, and its numbers have their sizes.
 
-    A file of another size counts if its digest is that of ``reconstruction.json``: a report that is added later
-    changes some. The thumbnail does not count.
+    Numbers of another size count if their digest is that of ``reconstruction.json``: a report that is added later
+    changes some. Pictures may be edited, and the thumbnail does not count.
 
     Args:
         out: folder of the batch.
@@ -67,9 +67,10 @@ def is_complete(out: Path, folder: str, row: Mapping[str, Any], saving: Saving) 
     """
     sizes = {name: int(size) for name, _, size in (text.partition("=") for text in str(row.get("files", "")).split())}
     sizes.pop(_THUMBNAIL, None)
-    different = [name for name in sizes if _size(out / folder / name) != sizes[name]]
-    if saving.level == "summary":
-        return not different  # the caller compares the digest of the one main file
+    found = {name: _size(out / folder / name) for name in sizes}
+    if -1 in found.values():
+        return False
+    different = [name for name in (DOCUMENT_FILE, ARRAYS_FILE, PEOPLE_FILE) if found.get(name) != sizes.get(name)]
     return not different or _have_their_digests(out / folder, different)
 
 

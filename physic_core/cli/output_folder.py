@@ -17,7 +17,7 @@ def reserve_folder(
     Args:
         folder: of the result.
         photo: digests of its photo, or of all photos; "" if the photo cannot be read, which the run reports.
-        overwrite: whether the result of another photo, and changed files of a result, may be replaced.
+        overwrite: whether the result of another photo may be replaced.
         beside: names of files that only this command adds to a result.
         made: folders that were created for this command, the first one above the others.
 

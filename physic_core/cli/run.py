@@ -72,7 +72,7 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
 @click.command()
 @click.argument("photos", metavar="PHOTO", nargs=-1, required=True)
 @click.option("-o", "--out", type=AnyPath(), help=_OUT)
-@click.option("--overwrite", is_flag=True, help="Replace another photo's result, or changed files of a result.")
+@click.option("--overwrite", is_flag=True, help="Replace another photo's result.")
 @click.option("--save", "saving", type=SavedFiles(), default="compact", show_default=True, help=_SAVE)
 @click.option("--report/--no-report", default=None, help=_REPORT)
 @click.option("--open", "open_page", is_flag=True, help="Open the page in a browser.")

@@ -2,8 +2,9 @@
 
 New files are written under temporary names, synchronised with the disk, and renamed. Where one file, the index, lists
 the digests of the others, these belong together: the old index is moved away first, and the new one is renamed last.
-A folder without its index has no valid set of files. Until a write has ended, old and new index stay in the folder
-under temporary names, so that the next write knows which files are not of the user (:func:`interrupted_index_files`).
+A folder without its index has no valid set of files. Files that are only added to a valid set are renamed before the
+new index replaces the old one. Until a write has ended, old and new index stay in the folder under temporary names, so
+that the next write knows which files are not of the user (:func:`interrupted_index_files`).
 
 A folder is locked while it is written, where its file system has locks. What a process that was killed has left there
 is deleted by the next write with a lock.
@@ -12,6 +13,7 @@ is deleted by the next write with a lock.
 from __future__ import annotations
 
 import errno
+import itertools
 import os
 import re
 import secrets
@@ -41,10 +43,12 @@ class AtomicWrite:
 
     folder: Path
     index: str = ""
+    index_stays: bool = False
     _token: str = field(default_factory=lambda: secrets.token_hex(4))
     _parts: dict[str, Path] = field(default_factory=dict)
     _removed: set[str] = field(default_factory=set)
-    _is_index_moved: bool = False
+    _kept: dict[str, str] = field(default_factory=dict)
+    _is_begun: bool = False
 
     def __call__(self, name: str) -> Path:
         """Return the temporary path of a file."""
@@ -55,10 +59,18 @@ class AtomicWrite:
         """Delete a file before the others are renamed."""
         self._removed.add(name)
 
+    def keep(self, name: str) -> None:
+        """Rename a file of the user before the others are renamed: ``preview.png`` to ``preview.edited.png``."""
+        stem, suffix = os.path.splitext(name)
+        numbers = itertools.chain([""], map("-{}".format, itertools.count(2)))
+        names = (f"{stem}.edited{number}{suffix}" for number in numbers)
+        self._kept[name] = next(new for new in names if not os.path.lexists(self.folder / new))
+
     def commit(self, durable: bool) -> None:
         """Rename and delete, in the order of the calls, the index last; see the module."""
         for name, path in self._parts.items():
-            if os.path.isdir(self.folder / name) and not os.path.islink(self.folder / name):
+            is_folder = os.path.isdir(self.folder / name) and not os.path.islink(self.folder / name)
+            if is_folder and name not in self._kept:
                 taken = self.folder / name
                 raise OutputError(f"cannot write {taken}: a folder has this name; remove it, or move it away")
             if durable:
@@ -66,10 +78,13 @@ class AtomicWrite:
         others = [name for name in self._parts if name != self.index]
         has_index = self.index in self._parts
         if has_index and (others or self._removed):
-            self._is_index_moved = True
-            with suppress(FileNotFoundError):
-                os.replace(self.folder / self.index, self._part(self.index, secrets.token_hex(4)))
-            self._sync(durable)
+            self._is_begun = True
+            if not self.index_stays and self.index not in self._kept:
+                with suppress(FileNotFoundError):
+                    os.replace(self.folder / self.index, self._part(self.index, secrets.token_hex(4)))
+                self._sync(durable)
+        for name, other in self._kept.items():
+            os.rename(self.folder / name, self.folder / other)
         for name in self._removed.difference(others):
             (self.folder / name).unlink(missing_ok=True)
         for name in others:
@@ -84,7 +99,7 @@ class AtomicWrite:
     def clean(self) -> None:
         """Delete the temporary files, but no index that tells which files are not of the user."""
         for name, path in self._parts.items():
-            if not (name == self.index and self._is_index_moved):
+            if not (name == self.index and self._is_begun):
                 with suppress(OSError):
                     path.unlink(missing_ok=True)
 
@@ -97,7 +112,9 @@ class AtomicWrite:
 
 
 @contextmanager
-def atomic_write(folder: Path, *, index: str = "", durable: bool = True) -> Iterator[AtomicWrite]:
+def atomic_write(
+    folder: Path, *, index: str = "", index_stays: bool = False, durable: bool = True
+) -> Iterator[AtomicWrite]:
     """Yield a function from a file name to a temporary path; on success, rename all temporary files.
 
     The folder is locked meanwhile. Without an index, each file is atomic, and not all of them together.
@@ -105,6 +122,7 @@ def atomic_write(folder: Path, *, index: str = "", durable: bool = True) -> Iter
     Args:
         folder: of the files; it must exist.
         index: name of the file that lists the digests of the others; "" without one.
+        index_stays: whether the old index stays valid until the new one replaces it: files are only added.
         durable: whether to wait until the files are on the disk, so that they survive a loss of power.
 
     Raises:
@@ -116,7 +134,7 @@ def atomic_write(folder: Path, *, index: str = "", durable: bool = True) -> Iter
         with lock_folder(folder, _WAIT_S) as is_locked:
             if is_locked:  # else the files can be of another process that writes now
                 _clean(folder)
-            write = AtomicWrite(folder, index)
+            write = AtomicWrite(folder, index, index_stays)
             try:
                 yield write
                 write.commit(durable)

@@ -11,7 +11,7 @@ from physic_core.errors import InputError
 from physic_core.files.atomic import atomic_write, check_writable
 from physic_core.files.own import check_own, write_own
 from physic_core.io.document import encode_document, read_document
-from physic_core.io.result_folder import DOCUMENT_FILE, REPORT_FILE, digest_of
+from physic_core.io.result_folder import DOCUMENT_FILE, REPORT_FILE, digest_of, earlier_files
 from physic_core.visual.report import PAGE_MARK, report_html
 
 if TYPE_CHECKING:
@@ -75,13 +75,15 @@ def _add_files(folder: Path, files: Mapping[str, bytes]) -> None:
     Raises:
         OutputError: a file cannot be written.
     """
-    with atomic_write(check_writable(folder), index=DOCUMENT_FILE) as temporary:
+    with atomic_write(check_writable(folder), index=DOCUMENT_FILE, index_stays=True) as temporary:
         # Read while the folder is locked: another process may just have saved another result.
         with suppress(InputError):
             document = read_document(folder)
             document["files"] = [*(name for name in document["files"] if name not in files), *files]
             document["digests"] = document["digests"] | {name: digest_of(files[name]) for name in files}
             temporary(DOCUMENT_FILE).write_bytes(encode_document(document))
+        for name in earlier_files(folder)[1].intersection(files):
+            temporary.keep(name)
         for name, content in files.items():
             temporary(name).write_bytes(content)
 

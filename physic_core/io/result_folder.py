@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-import stat
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from io import BufferedReader
@@ -70,27 +69,30 @@ def digests_of_result(folder: str | os.PathLike[str]) -> dict[str, str]:
     return _digests(_document(Path(folder)) or {})
 
 
-def unchanged_result_files(folder: str | os.PathLike[str]) -> frozenset[str]:
-    """Return the names of the files that an earlier run wrote to a folder and that are unchanged.
+def earlier_files(folder: str | os.PathLike[str], earlier: Iterable[str] = ()) -> tuple[frozenset[str], frozenset[str]]:
+    """Return the names of the files in a folder that an earlier run wrote: unchanged ones, and edited ones.
 
-    The run may have been killed while writing them. Links and files with another digest belong to the user. The
-    document belongs to the run, even if it was edited.
+    The run may have been killed while writing them. A file with another digest, a link or a folder under such a name is
+    edited: it belongs to the user. The document belongs to the run, even if it was edited.
+
+    Args:
+        folder: of a result.
+        earlier: names that an earlier run wrote, even if no document lists them.
     """
     folder = Path(folder)
     documents = _documents(folder)
 
     def is_unchanged(name: str) -> bool:
-        try:
-            status = os.lstat(folder / name)
-        except (OSError, ValueError):  # ValueError: a document of others can list a name that no file can have
-            return False
-        if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
+        if os.path.islink(folder / name):
             return False
         if name == DOCUMENT_FILE:
             return _document(folder) is not None
         return file_digest(folder / name) in {_digests(document).get(name, "missing") for document in documents}
 
-    return frozenset(filter(is_unchanged, _files(*documents)))
+    # A document of others can list a name that no file can have: of such a one, lexists is false.
+    there = {name for name in (*_files(*documents), *earlier) if os.path.lexists(folder / name)}
+    unchanged = frozenset(filter(is_unchanged, there))
+    return unchanged, frozenset(there - unchanged)
 
 
 def check_overwrite(
@@ -99,36 +101,32 @@ def check_overwrite(
     *,
     overwrite: bool = False,
     names: Iterable[str] | None = None,
+    earlier: Iterable[str] = (),
 ) -> None:
     """Raise OutputError if writing a result to a folder would overwrite user data.
 
     Args:
         folder: where the result will be written.
         photo: digests of its photo.
-        overwrite: allow replacing the result of another photo, and files of a result that were changed.
+        overwrite: allow replacing the result of another photo.
         names: of the files that will be written; None for all possible files of a result.
+        earlier: names that an earlier run wrote, even if no document lists them.
 
     Raises:
-        OutputError: a file with one of these names is the photo, was not written by a run, or was changed; the folder
-            has the result of another photo.
+        OutputError: a file with one of these names is the photo, or was not written by a run; the folder has the result
+            of another photo.
     """
     folder = Path(folder)
     present = [name for name in (_names_in(folder) if names is None else names) if os.path.lexists(folder / name)]
-    listed, own = _files(*_documents(folder)), unchanged_result_files(folder)
+    unchanged, edited = earlier_files(folder, earlier)
     photos = [name for name in present if file_digest(folder / name) in photo.split()]
-    others = [name for name in present if name not in photos and name not in own]
-    changed = [name for name in others if name in listed and os.path.isfile(folder / name)]
-    foreign = [name for name in others if name not in changed]
+    foreign = [name for name in present if name not in {*photos, *unchanged, *edited}]
     whose = photo_identity_of_result(folder)
     faults = [f"{_listed(photos)} there is the photo itself"] if photos else []
     if foreign:
         faults.append(f"{_listed(foreign)} there {'is' if len(foreign) == 1 else 'are'} not of an earlier run")
-    if changed and not overwrite:
-        faults.append(f"{_listed(changed)} there {'was' if len(changed) == 1 else 'were'} changed since an earlier run")
-    lost = [*photos, *foreign, *([] if overwrite else changed)]
+    lost = [*photos, *foreign]
     cure = f"move {'it' if len(lost) == 1 else 'them'} away"
-    if lost and lost == changed:
-        cure += f", or replace {'it' if len(lost) == 1 else 'them'} with --overwrite (overwrite=True in Python)"
     if whose is not None and not same_photo(whose, photo) and not overwrite:
         faults.append("it holds the result of another photo")
         cure = cure if lost else "replace that result with --overwrite (overwrite=True in Python)"

@@ -22,12 +22,12 @@ from physic_core.io.result_folder import (
     REPORT_FILE,
     check_overwrite,
     digest_of,
-    unchanged_result_files,
+    earlier_files,
 )
 from physic_core.io.saved_files import Saving
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -44,22 +44,24 @@ def save_reconstruction(
     overwrite: bool = False,
     beside: Mapping[str, bytes] | None = None,
     photos: str = "",
+    earlier: Collection[str] = (),
 ) -> tuple[Path, ...]:
     """Write the files of a result to a folder.
 
     Either all of JSON, arrays and pictures are written, or none; if the process is killed, the folder may have no
-    result. Numbers have the dtypes of :mod:`physic_core.io.arrays`. An earlier result of the same photo is replaced.
-    The result of another photo and changed files are replaced only with ``overwrite``. The photo, and files that no run
-    wrote, are never replaced.
+    result. Numbers have the dtypes of :mod:`physic_core.io.arrays`. An earlier result of the same photo is replaced,
+    that of another photo with ``overwrite`` only. Files of it that were edited are kept: ``preview.png`` as
+    ``preview.edited.png``. The photo, and files that no run wrote, are never replaced.
 
     Args:
         reconstruction: what to save.
         folder: created if missing.
         save: which files, such as "numbers+preview"; see :mod:`physic_core.io.saved_files`.
         title: of the report, such as the name of the photo; by default the name of the folder.
-        overwrite: whether to replace another photo's result, or changed files of a result.
+        overwrite: whether to replace another photo's result.
         beside: name and content of further files, which are files of the result too; none at level "summary".
         photos: digests of all photos of one moment, whose earlier results are replaced; "" for that of the result.
+        earlier: names of files that an earlier run wrote, which are edited ones if no document lists them.
 
     Returns:
         Paths of the written files.
@@ -73,7 +75,8 @@ def save_reconstruction(
     saving, folder = Saving.parse(save), Path(folder)
     written: tuple[Path, ...] = ()
     if saving.level != "summary":
-        written = _save_result(reconstruction, folder, saving, beside or {}, photos or reconstruction.photo, overwrite)
+        replaced = _Replaced(photos or reconstruction.photo, overwrite, earlier)
+        written = _save_result(reconstruction, folder, saving, beside or {}, replaced)
     elif saving.preview:
         from physic_core.files.own import write_own
         from physic_core.visual.preview import preview_png
@@ -95,8 +98,7 @@ def _save_result(
     folder: Path,
     saving: Saving,
     beside: Mapping[str, bytes],
-    photos: str,
-    overwrite: bool,
+    replaced: _Replaced,
 ) -> tuple[Path, ...]:
     """Write JSON, arrays, pictures and the files beside them."""
     stored = _stored_arrays(reconstruction, saving)
@@ -106,15 +108,27 @@ def _save_result(
     if saving.glb == "all":
         names += ["scene.glb", *(f"person_{index}.glb" for index in range(len(reconstruction.people)))]
     names += [*([PREVIEW_FILE] if saving.preview else []), *beside]
-    check_overwrite(folder, photos, overwrite=overwrite, names=names)
+    replaced.check(folder, names)
     folder = check_writable(folder)
     # All contents are made before the folder is locked.
     contents, failure = _contents(reconstruction, saving, stored)
     contents = {name: contents[name] for name in names if name in contents} | dict(beside)
-    written = _write(reconstruction, folder, stored, contents, photos, overwrite=overwrite)
+    written = _write(reconstruction, folder, stored, contents, replaced)
     if failure is not None:
         raise failure
     return written
+
+
+@dataclass(frozen=True)
+class _Replaced:
+    """Which earlier results are replaced; see :func:`save_reconstruction`."""
+
+    photos: str
+    overwrite: bool
+    earlier: Collection[str]
+
+    def check(self, folder: Path, names: Sequence[str]) -> None:
+        check_overwrite(folder, self.photos, overwrite=self.overwrite, names=names, earlier=self.earlier)
 
 
 def _stored_arrays(reconstruction: Reconstruction, saving: Saving) -> _StoredArrays:
@@ -151,9 +165,7 @@ def _write(
     folder: Path,
     stored: _StoredArrays,
     contents: Mapping[str, bytes],
-    photos: str,
-    *,
-    overwrite: bool,
+    replaced: _Replaced,
 ) -> tuple[Path, ...]:
     """Write the document and the contents of all other files, all or none; delete unchanged files of an earlier result.
 
@@ -162,14 +174,16 @@ def _write(
         folder: exists.
         stored: arrays that the document describes.
         contents: by file name; the arrays are first.
-        photos: digests of the photos whose earlier results are replaced.
-        overwrite: whether to replace another photo's result, or changed files of a result.
+        replaced: whose results.
     """
     names = [DOCUMENT_FILE, *contents]
     with atomic_write(folder, index=DOCUMENT_FILE) as temporary:
-        check_overwrite(folder, photos, overwrite=overwrite, names=names)
-        for name in unchanged_result_files(folder).difference(names):
+        replaced.check(folder, names)
+        unchanged, edited = earlier_files(folder, replaced.earlier)
+        for name in unchanged.difference(names):
             temporary.remove(name)
+        for name in edited:
+            temporary.keep(name)
         document_file, digests = temporary(DOCUMENT_FILE), dict[str, str]()
         for name, content in contents.items():
             temporary(name).write_bytes(content)

@@ -267,8 +267,8 @@ class Reconstruction(ShortRepr):
             folder: created if it does not exist. An earlier result of the same photo in it is replaced.
             save: which files, as the option of the command: "full", "exact" without pictures, "compact", "numbers" or
                 "people", with "+preview", "+glb" or "+report" to add some.
-            overwrite: whether to replace the result of another photo, and result files that were edited. Files that no
-                run wrote are never replaced.
+            overwrite: whether to replace the result of another photo. Edited files of a result are kept beside the new
+                ones, and files that no run wrote are never replaced.
 
         Raises:
             ConfigError: ``save`` is not valid.

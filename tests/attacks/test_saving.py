@@ -91,8 +91,8 @@ def export(folder: Path, result: Reconstruction) -> None:
     result.export(str(folder / "a.obj"), overwrite=True)
 
 
-OPERATIONS = [save, save_compact, save_people, save_moment, add_page, write_page, write_cache, export]
-RESULTS = (save, save_compact, save_people, save_moment, add_page)
+OPERATIONS = [save, save_compact, save_people, save_moment, write_page, write_cache, export]
+RESULTS = (save, save_compact, save_people, save_moment)
 REFUSED = "there is no such file; name the folder of a finished run"
 
 
@@ -111,7 +111,7 @@ def interruptions(
     def run(number: int | None) -> Steps:
         shutil.copytree(before, folder) if before else folder.mkdir()
         steps = Steps(folder, number, how)
-        with steps.applied(), suppress(OutputError):
+        with steps.applied(), suppress(OutputError, KeyboardInterrupt):
             operation(folder, NEW)
         return steps
 
@@ -160,10 +160,27 @@ def test_a_write_happens_completely_or_not_at_all(operation: Any, how: str, tmp_
             seen.add("new" if found == new else "old")
         if how == "full":
             assert not list(folder.glob(".*"))  # what failed is cleaned at once
-        elif operation != add_page:
+        else:
             operation(folder, NEW)  # without a cleanup by the user
             assert files(folder) == new
     assert seen == ({"old"} if how == "full" else {"old", "new", REFUSED} if operation in RESULTS else {"old", "new"})
+
+
+@pytest.mark.parametrize("how", ["killed", "interrupted", "power", "full"])
+@pytest.mark.parametrize("before", [save, add_page])
+def test_a_page_that_is_interrupted_at_any_step_costs_no_result(before: Any, how: str, tmp_path: Path):
+    before(tmp_path / "old", OLD)
+    old = files(tmp_path / "old").get("report.html")
+    pages = set()
+    for folder in interruptions(add_page, tmp_path / "old", tmp_path, how):
+        assert mark(load_reconstruction(folder)) == mark(OLD)
+        found = files(folder)
+        pages.add(found.get("report.html"))
+        assert {name: found[name] for name in ("preview.png", "scene.glb")} == {
+            name: (tmp_path / "old" / name).read_bytes() for name in ("preview.png", "scene.glb")
+        }
+    new = f"<meta {report_file.PAGE_MARK}> page of {mark(NEW)}".encode()
+    assert pages == ({old} if how == "full" else {old, new})
 
 
 def test_a_page_whose_write_was_killed_is_replaced_by_the_next_run(tmp_path: Path):
@@ -182,12 +199,10 @@ def test_a_file_of_the_user_in_the_folder_of_a_killed_run_is_never_replaced(tmp_
             refused += 1
             (folder / "scene.glb").unlink(missing_ok=True)
             (folder / "scene.glb").write_text("mine")
-            with pytest.raises(OutputError, match=r"scene\.glb there was changed since an earlier run"):
-                save(folder, NEW)
-            (folder / "preview.png").unlink(missing_ok=True)
             (folder / "person_7.glb").write_text("mine")
-            save_compact(folder, NEW)
-            assert (folder / "scene.glb").read_text() == (folder / "person_7.glb").read_text() == "mine"
+            save(folder, NEW)
+            assert (folder / "scene.edited.glb").read_text() == (folder / "person_7.glb").read_text() == "mine"
+            assert mark(load_reconstruction(folder)) == mark(NEW)
     assert refused
 
 

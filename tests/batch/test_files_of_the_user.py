@@ -10,9 +10,15 @@ import pytest
 from click.testing import CliRunner, Result
 
 from fuzzing.tiny_result import tiny_result
+from physic_core import load_reconstruction
+from physic_core.batch.journal import read_journals
+from physic_core.batch.photos import list_photos, photo_folder
+from physic_core.batch.process import BatchJob, PhotoProcessor
+from physic_core.batch.run import plan_batch, run_batch
 from physic_core.batch.thumbnails import write_thumbnail
 from physic_core.cli import main
 from physic_core.cli.exit_codes import USAGE
+from physic_core.configuration.model import load_config
 from physic_core.errors import OutputError
 from physic_core.io.saved_files import Saving
 from physic_core.io.saving import save_reconstruction
@@ -75,6 +81,53 @@ def test_the_table_of_photos_is_never_replaced_by_the_table_of_results(photos: P
     done = batch(str(table), photos)
     assert done.exit_code == USAGE
     assert table.read_text() == "path,stature\nbroken.jpg,1.71\n"
+
+
+def painted(path: Path) -> None:
+    path.write_text("mine")
+
+
+def replaced_by_a_link(path: Path) -> None:
+    path.unlink()
+    path.symlink_to(path.with_name("mine"))
+
+
+@pytest.mark.parametrize("change", [painted, replaced_by_a_link])
+@pytest.mark.parametrize("why", ["nothing changed", "another setting", "deleted arrays", "deleted document"])
+@pytest.mark.parametrize("name", ["preview.png", "combined.glb"])
+def test_an_edited_file_of_a_result_is_kept(
+    name: str,
+    why: str,
+    change: Callable[[Path], None],
+    photos: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+):
+    """A batch does not do a photo again for it, and keeps it beside the new one where it does for another reason."""
+    monkeypatch.setattr("physic_core.visual.glb.glb_files", lambda result, parts: {"combined.glb": b"mesh"})
+    out, (item,) = tmp_path / "out", list_photos([str(photos)]).photos
+    jobs = [
+        BatchJob(load_config(preset="mock", overrides=[f"photo.max_side={side}"]), str(out), "compact")
+        for side in (640, 320)
+    ]
+
+    def run(job: BatchJob) -> int:
+        todo = plan_batch([item], job).todo
+        process = PhotoProcessor(job, lambda path, settings: tiny_result())
+        run_batch(todo, job, lambda items, job: (process(one) for one in items), out / "journal.jsonl")
+        assert [row["state"] for row in read_journals(out).last.values()] == ["done"]
+        return len(todo)
+
+    assert run(jobs[0]) == 1
+    folder = out / photo_folder(item.id)
+    (folder / "mine").write_text("mine")
+    change(folder / name)
+    if why.startswith("deleted"):
+        (folder / f"reconstruction.{'npz' if why == 'deleted arrays' else 'json'}").unlink()
+    assert run(jobs[why == "another setting"]) == (why != "nothing changed")
+    kept = folder / (name if why == "nothing changed" else name.replace(".", ".edited."))
+    assert (kept.read_text(), kept.is_symlink()) == ("mine", change is replaced_by_a_link)
+    load_reconstruction(folder)
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet"])

@@ -159,9 +159,6 @@ def test_saving_replaces_the_same_photos_result_alone(tmp_path: Path, reconstruc
     assert (tmp_path / "out" / "preview.png").read_text() == "mine"
 
 
-REPLACE = "move it away, or replace it with --overwrite (overwrite=True in Python)"
-
-
 def edited(path: Path) -> None:
     path.write_text("mine")
 
@@ -172,27 +169,26 @@ def to_a_file(path: Path) -> None:
     path.symlink_to(other)
 
 
-def with_a_second_name(path: Path) -> None:
-    path.with_name("mine.png").hardlink_to(path)
+def to_nothing(path: Path) -> None:
+    path.unlink()
+    path.symlink_to("nowhere")
 
 
-@pytest.mark.parametrize("change", [edited, to_a_file, with_a_second_name], ids=lambda change: change.__name__)
-def test_an_edited_file_is_replaced_with_overwrite_only(
-    out: Path, reconstruction: Reconstruction, change: Callable[[Path], None]
+@pytest.mark.parametrize("overwrite", [False, True])
+@pytest.mark.parametrize("change", [edited, to_a_file, to_nothing], ids=lambda change: change.__name__)
+def test_an_edited_file_and_a_link_are_kept_beside_the_new_one(
+    out: Path, reconstruction: Reconstruction, change: Callable[[Path], None], overwrite: bool
 ):
     reconstruction.save(str(out))
-    change(out / "preview.png")
-    before = (out / "preview.png").read_bytes()
-    assert refusal(out, reconstruction.photo) == (
-        f"preview.png there was changed since an earlier run: name another folder, or {REPLACE}"
-    )
-    with pytest.raises(OutputError, match=r"preview\.png there was changed since an earlier run"):
-        reconstruction.save(str(out))
-    assert (out / "preview.png").read_bytes() == before
-    reconstruction.save(str(out), overwrite=True)
-    assert (out / "preview.png").read_bytes().startswith(b"\x89PNG")
-    assert not (out / "preview.png").is_symlink()
+    for number in ("", "-2"):
+        change(out / "preview.png")
+        before = os.lstat(out / "preview.png")
+        reconstruction.save(str(out), overwrite=overwrite)
+        assert os.path.samestat(before, os.lstat(out / f"preview.edited{number}.png"))
+        assert (out / "preview.png").read_bytes().startswith(b"\x89PNG")
+        assert not (out / "preview.png").is_symlink()
     reconstruction.save(str(out))
+    assert len(list(out.glob("*.edited*"))) == 2
 
 
 def test_a_result_states_the_digest_of_each_file_but_its_own(out: Path, reconstruction: Reconstruction):
@@ -202,11 +198,11 @@ def test_a_result_states_the_digest_of_each_file_but_its_own(out: Path, reconstr
     assert document["digests"] == {name: file_digest(out / name) for name in names}
 
 
-def test_a_changed_file_that_the_next_result_has_not_is_left_alone(out: Path, make: Callable[..., Reconstruction]):
+def test_an_edited_file_that_the_next_result_has_not_is_kept_too(out: Path, make: Callable[..., Reconstruction]):
     make(people=2).save(str(out), "exact+glb")
     (out / "person_1.glb").write_text("mine")
     make(people=1).save(str(out), "exact+glb")
-    assert (out / "person_1.glb").read_text() == "mine"
+    assert (out / "person_1.edited.glb").read_text() == "mine"
     assert set(json.loads((out / "reconstruction.json").read_text())["files"]) == {
         "reconstruction.json",
         "reconstruction.npz",

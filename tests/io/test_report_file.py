@@ -55,11 +55,15 @@ def test_the_page_is_a_file_of_the_result(folder, result):
     assert not path.exists()
 
 
-def test_a_page_that_was_edited_is_not_removed(folder, result):
+def test_a_page_that_was_edited_is_kept(folder, result):
     path = add_report(folder)
     path.write_text(path.read_text(encoding="utf-8") + "my remarks", encoding="utf-8")
+    add_report(folder)
+    assert not path.read_text(encoding="utf-8").endswith("my remarks")
+    kept = path.with_name("report.edited.html")
+    assert kept.read_text(encoding="utf-8").endswith("my remarks")
     save_reconstruction(result, folder, "exact")
-    assert path.read_text(encoding="utf-8").endswith("my remarks")
+    assert kept.exists()
 
 
 def test_the_page_of_a_damaged_result_says_what_is_wrong(folder):

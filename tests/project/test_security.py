@@ -105,6 +105,7 @@ WRITTEN = {
         "tests/io/test_output.py::test_a_result_states_the_digest_of_each_file_but_its_own",
         "tests/attacks/test_saving.py::test_a_first_result_is_complete_or_not_there",
         "tests/attacks/test_saving.py::test_a_file_of_the_user_in_the_folder_of_a_killed_run_is_never_replaced",
+        "tests/attacks/test_saving.py::test_a_page_that_is_interrupted_at_any_step_costs_no_result",
     ),
     "Files of the cache": (
         "tests/cache/test_claim.py::test_folders_and_files_are_for_their_user_alone_whatever_the_umask",
@@ -113,8 +114,9 @@ WRITTEN = {
     "A result without a row": "tests/batch/test_run.py::test_a_result_without_its_row_is_done_again",
     "A file of yours is never replaced": (
         "tests/io/test_output.py::test_every_foreign_file_is_named_at_once",
-        "tests/io/test_output.py::test_an_edited_file_is_replaced_with_overwrite_only",
         "tests/io/test_output.py::test_saving_replaces_the_same_photos_result_alone",
+        "tests/io/test_output.py::test_an_edited_file_and_a_link_are_kept_beside_the_new_one",
+        "tests/batch/test_files_of_the_user.py::test_an_edited_file_of_a_result_is_kept",
         "tests/io/test_results.py::test_an_edited_document_is_read_and_replaced_as_the_runs_own",
     ),
     "`physic export --overwrite` replaces": (
@@ -129,7 +131,10 @@ WRITTEN = {
         "plugins/physic-bench/tests/test_mistakes_of_users.py::test_a_file_of_the_user_is_never_replaced",
         "plugins/physic-scene/tests/test_moments.py::test_the_command_replaces_no_file_of_the_user",
     ),
-    "No file of an output folder": "tests/files/test_own.py::test_a_file_is_appended_to_and_a_link_is_not",
+    "No file of an output folder": (
+        "tests/files/test_own.py::test_a_file_is_appended_to_and_a_link_is_not",
+        "tests/io/test_output.py::test_an_edited_file_and_a_link_are_kept_beside_the_new_one",
+    ),
     "The photo is never replaced": (
         "tests/io/test_output.py::test_the_photo_is_never_overwritten",
         "tests/io/test_output.py::test_a_photo_that_is_a_file_of_its_folders_result_is_never_overwritten",

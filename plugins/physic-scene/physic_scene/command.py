@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("photos", metavar="PHOTO PHOTO...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="Folder for the results.")
-@click.option("--overwrite", is_flag=True, help="Replace another photo's result, or changed files of a result.")
+@click.option("--overwrite", is_flag=True, help="Replace another photo's result.")
 @configuration_options
 @click.option(
     "--intrinsics",

@@ -25,7 +25,8 @@ class Steps:
         folder: whose files count.
         last: number of the step that fails; None for a count only.
         how: "killed": the step and all after it do nothing. "power": besides, files that were not synchronised are
-            empty. "full": this one step raises OSError, and only writes are steps.
+            empty. "full": this one step raises OSError, and only writes are steps. "interrupted": this one step raises
+            KeyboardInterrupt, as Ctrl-C does.
     """
 
     def __init__(self, folder: Path, last: int | None = None, how: str = "killed") -> None:
@@ -47,6 +48,8 @@ class Steps:
             self.count += 1
             if self.how == "full":
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            if self.how == "interrupted":
+                raise KeyboardInterrupt
             self.is_dead = True
             raise Killed
         self.count += 1
