@@ -7,6 +7,7 @@ import json
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from physic_core.cache.file_hashes import files_named_by
 from physic_core.interfaces import INTERFACES
 
 if TYPE_CHECKING:
@@ -38,19 +39,25 @@ def batch_config(config: Config, registry: Registry, *, cache: bool) -> Config:
 
 
 def config_digest(config: Config) -> str:
-    """Return a short digest of the settings of a configuration that results depend on."""
+    """Return a short digest of the settings of a configuration that results depend on.
+
+    Of files that ``[photo]`` names, such as a depth map, the content counts.
+    """
     tables = config.as_dict()
     for name in _WITHOUT_EFFECT:
         tables["run"].pop(name, None)
     for table in tables.values():
         if isinstance(options := table.get("options"), dict):
             options.pop("threads", None)
-    return _digest(tables)
+    return _digest([tables, list(files_named_by(tables["photo"]))])
 
 
 def settings_digest(of_config: str, settings: Mapping[str, Any]) -> str:
-    """Return a short digest of a configuration, given by its digest, with the settings of one photo."""
-    return _digest([of_config, dict(settings)]) if settings else of_config
+    """Return a short digest of a configuration, given by its digest, with the settings of one photo.
+
+    Of files that the settings name, such as a depth map, the content counts.
+    """
+    return _digest([of_config, dict(settings), list(files_named_by(settings))]) if settings else of_config
 
 
 def _digest(value: Any) -> str:

@@ -6,8 +6,10 @@ import hashlib
 import os
 import re
 import time
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from physic_core.cache.claim import claimed_cache
 from physic_core.errors import OutputError
@@ -40,6 +42,24 @@ def remembered_sha256(path: Path) -> str:
                 _known[name] = found
                 _write(name, found)
     return found
+
+
+def files_named_by(settings: Any) -> Iterator[tuple[str, str]]:
+    """Yield path and SHA-256 of every file that a text in settings names.
+
+    Args:
+        settings: a text, or mappings, lists and tuples of settings.
+    """
+    if isinstance(settings, Mapping):
+        settings = list(settings.values())
+    if isinstance(settings, tuple | list):
+        for value in settings:
+            yield from files_named_by(value)
+    elif isinstance(settings, str):
+        with suppress(OSError, ValueError):  # a text that cannot be a path
+            path = Path(os.path.expanduser(settings))
+            if path.is_file():
+                yield str(path.absolute()), remembered_sha256(path)
 
 
 def _read(name: str) -> str | None:

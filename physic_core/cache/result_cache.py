@@ -10,10 +10,8 @@ folder, or to "off".
 
 from __future__ import annotations
 
-import os
 import re
-from collections.abc import Iterator, Mapping
-from contextlib import suppress
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
@@ -22,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 from physic_core.cache.claim import claimed_cache
 from physic_core.cache.code import CodeDigester
 from physic_core.cache.digest import Digester
-from physic_core.cache.file_hashes import remembered_sha256
+from physic_core.cache.file_hashes import files_named_by
 from physic_core.cache.folders import CACHES
 from physic_core.cache.lru_folder import LruFolder
 from physic_core.cache.stored_results import restore_result, split_result
@@ -104,7 +102,7 @@ class ResultCache:
             "class": f"{kind.__module__}.{kind.__qualname__}",
             "code": code,
             "device": device,
-            "files": list(_files(who.options)),
+            "files": list(files_named_by(who.options)),
             "fingerprint": str(backend.fingerprint()),
             "libraries": self._libraries("physic-core") | self._libraries(who.distribution),
         }
@@ -173,20 +171,6 @@ class ResultCache:
         if self._written:
             self._files.trim(self._limit)
             self._written = False
-
-
-def _files(options: Any) -> Iterator[list[Any]]:
-    """Yield path and SHA-256 of every file that the options name."""
-    if isinstance(options, Mapping):
-        options = list(options.values())
-    if isinstance(options, tuple | list):
-        for value in options:
-            yield from _files(value)
-    elif isinstance(options, str):
-        with suppress(OSError, ValueError):  # a text that cannot be a path
-            path = Path(os.path.expanduser(options))
-            if path.is_file():
-                yield [str(path.absolute()), remembered_sha256(path)]
 
 
 def _plain(name: str) -> str:

@@ -260,6 +260,27 @@ def test_settings_of_one_photo_do_that_photo_anew(tmp_path: Path, out: Path):
     assert todo(job, table) == ["b"]
 
 
+FILES = {"masks": "masks.png", "depth": "depth.npy", "pointmap": "points.npy"}
+
+
+@pytest.mark.parametrize(
+    ("place", "setting"),
+    [*(("config", name) for name in FILES), ("table", "depth"), ("table", "pointmap")],
+)
+def test_another_content_of_a_file_does_its_photos_anew(tmp_path: Path, out: Path, place: str, setting: str):
+    photos, path = make_photos(tmp_path / "photos", "a", "b"), tmp_path / FILES[setting]
+    path.write_bytes(b"one")
+    source, job = photos, job_for(out, f"photo.{setting}='{path}'")
+    if place == "table":
+        source, job = tmp_path / "table.csv", job_for(out)
+        source.write_text(f"path,{setting}\nphotos/a.jpg,{path.name}\nphotos/b.jpg,\n")
+    finished(job, source)
+    assert todo(job, source) == []
+    path.write_bytes(b"two")
+    again = job_for(out, *([f"photo.{setting}='{path}'"] if place == "config" else []))
+    assert todo(again, source) == (["a", "b"] if place == "config" else ["a"])
+
+
 def tiny(path: str, settings: Mapping[str, Any]) -> Any:
     """Return the same small result for every photo."""
     return tiny_result()
