@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import TYPE_CHECKING
 
 from physic_core.types import CameraTrust, Intrinsics
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
     from typing import Any
 
 ORIENTATION = 0x0112
+_SOFTWARE = 0x0131
 EXIF_IFD = 0x8769
 _FOCAL_LENGTH = 0x920A
 _FOCAL_LENGTH_35MM = 0xA405
@@ -23,6 +25,19 @@ _FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
 
 _UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 _FOCAL_RANGE = (0.3, 15.0)  # of the long side: a 118 degree lens to a 4 degree one
+_MAX_PLANE_FOCAL = 6.0  # of the long side, by the sensor's resolution alone
+_SENSOR_MM = (4.0, 56.0)  # width, from small phones to medium format
+_AGREEMENT = (
+    0.1  # of the logarithms of two focal lengths: one is in whole mm, sensors are a few % off their nominal size
+)
+_SAME_SIZE = 0.01
+_EDITORS = re.compile(
+    "photoshop|lightroom|camera raw|elements|gimp|snapseed|picasa|capture one|darktable|rawtherapee|luminar|affinity|"
+    "photoscape|irfanview|xnview|pixelmator|vsco|instagram|imagemagick|polarr|digikam|acdsee|paint|aperture|iphoto|"
+    "viewnx|capture nx|nx studio|photo professional|silkypix|photolab|dxo|corel|canva|picsart|facetune|fotor|photos",
+    re.IGNORECASE,
+)
+"""Names of programs that crop or resize photos and keep the tags of the camera."""
 
 
 def swaps_sides(orientation: int) -> bool:
@@ -35,11 +50,13 @@ def intrinsics_from_exif(
 ) -> tuple[Intrinsics | None, str | None]:
     """Compute the intrinsics of the upright photo from its EXIF tags.
 
-    ``FocalLengthIn35mmFilm`` has priority, relative to the diagonal of the 36 x 24 mm frame. Otherwise ``FocalLength``
-    is used with the resolution of the focal plane.
+    The focal length is that of ``FocalLengthIn35mmFilm``, relative to the diagonal of the 36 x 24 mm frame, or
+    otherwise of ``FocalLength`` and the resolution of the focal plane. Where both agree, the photo is as the camera
+    wrote it, since a crop or a resize changes only one of them. One alone counts unless the software is an editor or
+    the tagged pixel size is not the file's.
 
     Args:
-        tags: the Exif IFD, tag number -> value.
+        tags: of the first IFD and of the Exif IFD, tag number -> value.
         stored: (width, height) px of the stored pixel grid, before rotation or resizing.
         width: of the upright photo at the size that is used, px.
         height: of the upright photo at the size that is used, px.
@@ -48,51 +65,61 @@ def intrinsics_from_exif(
     Returns:
         The intrinsics, or None if the tags do not determine them; and a note if a focal length was ignored, else None.
     """
-    focal = _focal_px(tags, stored, width, height, orientation)
-    if focal is None:
+    plane, equivalent = _plane_focal(tags, stored), _number(tags.get(_FOCAL_LENGTH_35MM))
+    if equivalent:
+        shared = equivalent * math.hypot(*stored) / _FULL_FRAME_DIAGONAL_MM
+        focal, source = (shared, shared), f"EXIF: {equivalent:g} mm (35 mm equivalent, by the diagonal)"
+    elif plane:
+        focal, source = plane, f"EXIF: {_number(tags.get(_FOCAL_LENGTH)):g} mm and the sensor's resolution"
+    else:
         return None, None
-    fx, fy, source = focal
-    original = _number(tags.get(_PIXEL_WIDTH)), _number(tags.get(_PIXEL_HEIGHT))
-    if original[0] and original[1] and not _same_shape((original[0], original[1]), stored):
-        return None, (
-            f"the focal length in the EXIF data was ignored: it is for {original[0]:.0f} x {original[1]:.0f} px, "
-            f"but the file has {stored[0]} x {stored[1]} px, so the photo was cropped"
-        )
-    share = max(fx, fy) / max(width, height)
-    if not _FOCAL_RANGE[0] <= share <= _FOCAL_RANGE[1]:
-        return None, f"the focal length in the EXIF data was ignored: {share:.2g} times the long side is not plausible"
+    if reason := _doubt(tags, stored, focal, plane if equivalent else None):
+        return None, f"the focal length in the EXIF data was ignored: {reason}"
+    scale = max(width, height) / max(stored)
+    fx, fy = (scale * f for f in (focal[::-1] if swaps_sides(orientation) else focal))
     camera = Intrinsics(fx, fy, (width - 1) / 2, (height - 1) / 2, width, height, source, CameraTrust.KNOWN)
     return camera, None
 
 
-def _focal_px(
-    tags: Mapping[int, Any], stored: tuple[int, int], width: int, height: int, orientation: int
-) -> tuple[float, float, str] | None:
-    equivalent = _number(tags.get(_FOCAL_LENGTH_35MM))
-    if equivalent:
-        focal = equivalent * math.hypot(width, height) / _FULL_FRAME_DIAGONAL_MM
-        return focal, focal, f"EXIF: {equivalent:g} mm (35 mm equivalent, by the diagonal)"
+def _plane_focal(tags: Mapping[int, Any], stored: tuple[int, int]) -> tuple[float, float] | None:
+    """Return the focal lengths along the stored axes by the resolution of the focal plane, px; None if not known."""
     focal_mm, plane_x = _number(tags.get(_FOCAL_LENGTH)), _number(tags.get(_PLANE_X))
     unit_mm = _UNIT_MM.get(int(_number(tags.get(_PLANE_UNIT)) or 2))
     if not focal_mm or not plane_x or unit_mm is None:
         return None
     plane_y = _number(tags.get(_PLANE_Y)) or plane_x
-    # The resolution counts the pixels that the camera wrote, which a later resize has changed.
-    written = _number(tags.get(_PIXEL_WIDTH)) or stored[0], _number(tags.get(_PIXEL_HEIGHT)) or stored[1]
-    along_x = focal_mm * plane_x / unit_mm / written[0]  # focal over the stored width
-    along_y = focal_mm * plane_y / unit_mm / written[1]
-    if swaps_sides(orientation):
-        along_x, along_y = along_y, along_x
-    return along_x * width, along_y * height, f"EXIF: {focal_mm:g} mm and the sensor's resolution"
+    return focal_mm * plane_x / unit_mm, focal_mm * plane_y / unit_mm
 
 
-def _same_shape(original: tuple[float, float], stored: tuple[int, int]) -> bool:
-    """Whether two aspect ratios are equal within 2 %, also after a rotation by 90 degrees.
+def _doubt(
+    tags: Mapping[int, Any], stored: tuple[int, int], focal: tuple[float, float], other: tuple[float, float] | None
+) -> str:
+    """Return why a focal length, px, cannot be believed, or "".
 
-    Some software rotates the pixels without changing the tags.
+    Args:
+        tags: as in :func:`intrinsics_from_exif`.
+        stored: as there.
+        focal: by the 35 mm equivalent, or by the sensor's resolution if there is no equivalent.
+        other: by the sensor's resolution, if ``focal`` is by the equivalent.
     """
-    aspects = original[0] / original[1], original[1] / original[0]
-    return any(abs(aspect * stored[1] / stored[0] - 1.0) < 0.02 for aspect in aspects)
+    share = max(focal) / max(stored)
+    if not _FOCAL_RANGE[0] <= share <= _FOCAL_RANGE[1]:
+        return f"{share:.2g} times the long side is not plausible"
+    by_film = _number(tags.get(_FOCAL_LENGTH_35MM)) is not None
+    written = [_number(tags.get(tag)) or 0.0 for tag in (_PIXEL_WIDTH, _PIXEL_HEIGHT)]
+    pairs = zip(sorted(written), sorted(stored), strict=True)  # some software turns the pixels, but not the tags
+    if (all(written) or not by_film) and any(abs(tagged / side - 1) > _SAME_SIZE for tagged, side in pairs):
+        tagged = f"{written[0]:.0f} x {written[1]:.0f} px"
+        return f"its tags state {tagged}, but the file has {stored[0]} x {stored[1]} px, as after a crop or a resize"
+    if other:
+        agree = abs(math.log(max(other) / max(focal))) < _AGREEMENT
+        return "" if agree else "the 35 mm equivalent and the sensor's resolution differ, as after a crop or a resize"
+    if editor := _EDITORS.search(str(tags.get(_SOFTWARE))):
+        return f"the photo was saved by an editor ({editor[0]}), which may have cropped it"
+    sensor_mm = max(stored) * (_number(tags.get(_FOCAL_LENGTH)) or 0.0) / max(focal)
+    if by_film or (share <= _MAX_PLANE_FOCAL and _SENSOR_MM[0] <= sensor_mm <= _SENSOR_MM[1]):
+        return ""
+    return f"{share:.2g} times the long side by a sensor {sensor_mm:.2g} mm wide needs a 35 mm equivalent"
 
 
 def _number(value: Any) -> float | None:

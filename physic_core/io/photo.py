@@ -301,7 +301,7 @@ def _is_deep(image: Image.Image) -> bool:
 
 
 def _exif(image: Image.Image) -> tuple[int, dict[int, Any], str]:
-    """Return the orientation still to be applied, the tags of the Exif directory, and a note if they are ignored."""
+    """Return the orientation still to be applied, the tags of both EXIF directories, and a note if they are ignored."""
     size = len(image.info.get("exif") or b"")
     if size > _MAX_EXIF_BYTES:
         return 1, {}, f"the EXIF data were ignored: they are {size / 1e6:.0f} MB"
@@ -309,7 +309,7 @@ def _exif(image: Image.Image) -> tuple[int, dict[int, Any], str]:
         with wrap_decoding_errors(ImageSource("")):
             exif = image.getexif()
             orientation = exif.get(ORIENTATION, 1)
-            tags = dict(exif.get_ifd(EXIF_IFD))
+            tags = {**exif, **exif.get_ifd(EXIF_IFD)}
     except InputError:
         return 1, {}, ""  # the pixels are valid: a damaged EXIF block only loses the focal length
     return (orientation if orientation in _UPRIGHT else 1), tags, ""
