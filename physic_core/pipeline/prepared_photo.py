@@ -46,7 +46,8 @@ def prepare_photo(
     file_size = photo.file_size or photo.image.shape[1::-1]
     photo = limit_size(_with_camera(photo, settings), settings.max_side)
     height, width = photo.image.shape[:2]
-    prompt = _prompt(people, settings, file_size, (width, height))
+    prompt, note = _prompt(people, settings, file_size, (width, height))
+    photo = replace(photo, notes=(*photo.notes, note)) if note else photo
     sizes = settings.known_sizes(known).resized(width / file_size[0], height / file_size[1])
     if settings.distortion is None or photo.intrinsics is None:
         return PreparedPhoto(photo, prompt, sizes, None)
@@ -71,8 +72,8 @@ def _with_camera(photo: Photo, settings: PhotoSettings) -> Photo:
 
 def _prompt(
     people: PeoplePrompt | None, settings: PhotoSettings, file_size: tuple[int, int], size: tuple[int, int]
-) -> PeoplePrompt | None:
-    """Return the user's choice of people, in px of the image to reconstruct; None for all people.
+) -> tuple[PeoplePrompt | None, str]:
+    """Return the user's choice of people, px of the image to reconstruct, None for all people; and a note, or "".
 
     Args:
         people: in px of the upright file; the config's choice if None.
@@ -82,10 +83,11 @@ def _prompt(
     """
     is_set = settings.person or settings.box or settings.masks
     if people is None and not is_set:
-        return None
+        return None, ""
     from physic_core.io.people_prompt import check_prompt, read_masks, resize_prompt
 
+    note = ""
     if people is None:
-        masks = None if settings.masks is None else read_masks(settings.masks)
+        masks, note = (None, "") if settings.masks is None else read_masks(settings.masks)
         people = PeoplePrompt(settings.person, settings.box, masks)
-    return resize_prompt(check_prompt(people, *file_size), file_size, size)
+    return resize_prompt(check_prompt(people, *file_size), file_size, size), note

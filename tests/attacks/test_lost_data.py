@@ -96,7 +96,7 @@ def test_damaged_masks_are_refused(tmp_path):
     file = io.BytesIO()
     Image.fromarray(numbers).save(file, "PNG")
     (tmp_path / "masks.png").write_bytes(file.getvalue())
-    assert len(read_masks(tmp_path / "masks.png")) == 2
+    assert len(read_masks(tmp_path / "masks.png")[0]) == 2
     (tmp_path / "masks.png").write_bytes(cut(file.getvalue(), 10_000))
     with pytest.raises(InputError, match="its data are damaged or truncated"):
         read_masks(tmp_path / "masks.png")

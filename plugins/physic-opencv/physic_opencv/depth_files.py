@@ -34,7 +34,7 @@ def read_depth(path: Path, scale: float, invalid: float | None) -> tuple[FloatAr
     """Read a depth map (H, W) in metres, NaN where it is unknown, and whether its file calls it relative.
 
     Args:
-        path: a .npy array (H, W), a PNG of 16 or 8 bits with one channel, an .exr file, or a HEIC photo of a phone.
+        path: a .npy array (H, W), a PNG of 16 bits with one channel, an .exr file, or a HEIC photo of a phone.
         scale: metres per unit of the file.
         invalid: value of unknown pixels besides 0, NaN and infinity, in units of the file; None for no other.
 
@@ -51,6 +51,11 @@ def read_depth(path: Path, scale: float, invalid: float | None) -> tuple[FloatAr
         values = _load_npy(path)
     elif suffix == ".png":
         values = _read_picture(path)
+        if values.dtype == np.uint8:
+            raise InputError(
+                f"the depth map {path} has 8 bits per pixel, whose unit is not known and whose steps are too coarse: "
+                "give a PNG of 16 bits in millimetres, or a .npy array in metres"
+            )
     elif suffix == ".exr":
         values = _read_exr(path)
     else:

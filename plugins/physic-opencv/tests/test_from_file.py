@@ -51,6 +51,12 @@ def test_a_16_bit_png_in_millimetres(tmp_path: Path) -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 
+def test_a_png_of_8_bits_is_refused(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "d.png"), (DEPTH * 30).astype(np.uint8))
+    with pytest.raises(InputError, match="16 bits in millimetres"):
+        depth(tmp_path / "d.png")
+
+
 def test_nan_infinity_zero_and_negative_depths_are_unknown(tmp_path: Path) -> None:
     values = DEPTH.copy()
     values[0, :4] = np.nan, np.inf, 0, -1
