@@ -14,8 +14,8 @@ import click
 from physic_core.cli.exit_codes import INTERRUPTED, MEANINGS, OTHER, exit_code
 from physic_core.cli.groups import ExtensibleGroup
 from physic_core.cli.output import echo, open_missing_streams, printed_logs
-from physic_core.configuration.quoting import shorten
 from physic_core.errors import PhysicError
+from physic_core.files.quoting import shorten
 
 __all__ = ["main"]
 

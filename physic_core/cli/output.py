@@ -10,7 +10,7 @@ from contextlib import contextmanager
 
 import click
 
-from physic_core.configuration.quoting import printable
+from physic_core.files.quoting import printable
 
 
 def echo(text: object, *, nl: bool = True, err: bool = False) -> None:

@@ -1,18 +1,16 @@
 """The validated configuration: a pydantic model of its tables, and its loading from files, variables and flags.
 
 This module checks structure, keys, types and the settings of the engine, without plugins.
-:mod:`physic_core.configuration.resolve` checks the options of each backend. Problems of both are reported together.
+:mod:`physic_core.configuration.resolve` then checks the options of each backend.
 """
 
 from __future__ import annotations
 
-import math
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import cache
-from pathlib import Path
-from typing import Annotated, Any, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, get_origin, get_type_hints
 
 from pydantic import (
     AfterValidator,
@@ -22,46 +20,28 @@ from pydantic import (
     PrivateAttr,
     Strict,
     ValidationError,
-    ValidationInfo,
     create_model,
     field_validator,
     model_validator,
 )
 
-from physic_core.adapters.devices import DEVICE_PATTERN
-from physic_core.configuration.energies import check_engine_preset, engine_preset
+from physic_core.configuration.energies import DEFAULT_ENERGY, check_engine_preset, engine_preset
 from physic_core.configuration.layers import (
     SettingsLayer,
     environment_layers,
+    file_layers,
     is_path,
     merge_layers,
     override_layers,
     preset_layers,
-    preset_names,
     source_of,
 )
-from physic_core.configuration.problems import Problem, ProblemReport
-from physic_core.configuration.quoting import quoted
+from physic_core.configuration.problems import Problem, config_error, problems_from_pydantic
 from physic_core.engine.settings import EngineSettings, with_overrides
 from physic_core.errors import ConfigError
+from physic_core.files.quoting import quoted
 from physic_core.interfaces import INTERFACES
 from physic_core.types import KnownLength, KnownSizes
-
-__all__ = [
-    "DEFAULT_PRESET",
-    "OPTIONAL_INTERFACES",
-    "BackendChoice",
-    "BodyModelChoice",
-    "Config",
-    "EngineChoice",
-    "PhotoSettings",
-    "RunSettings",
-    "as_config",
-    "load_config",
-    "preset_names",
-    "settings_model",
-    "stage_models",
-]
 
 DEFAULT_PRESET = "embedded"
 OPTIONAL_INTERFACES = ("hand_estimator", "contact_prior", "camera_solver")
@@ -77,11 +57,11 @@ class _StrictTable(_Table):
     model_config = ConfigDict(strict=True)
 
 
-def _expand_home(path: str | None) -> str | None:
-    return None if path is None else os.path.expanduser(path)
+def _absolute(path: str) -> str:
+    return os.path.abspath(os.path.expanduser(path))
 
 
-_FilePath = Annotated[str | None, AfterValidator(_expand_home)]
+_FilePath = Annotated[str, AfterValidator(_absolute)] | None
 
 
 class BackendChoice(_Table):
@@ -173,28 +153,6 @@ class PhotoSettings(_Table):
         description="dilation of the people's masks before inpainting, as a share of the long side",
     )
 
-    @field_validator("intrinsics", mode="before")
-    @classmethod
-    def _four_numbers(cls, value: Any) -> Any:
-        numbers = isinstance(value, (list, tuple)) and all(type(v) in (int, float) and math.isfinite(v) for v in value)
-        if value is not None and not (numbers and len(value) == 4 and value[0] > 0 and value[1] > 0):
-            raise ValueError(
-                f"should be four finite numbers fx, fy, cx, cy with fx > 0 and fy > 0 (got {quoted(value)})"
-            )
-        return value
-
-    @field_validator("person", "box", mode="before")
-    @classmethod
-    def _lists_of_numbers(cls, value: Any, info: ValidationInfo) -> Any:
-        names = "x, y" if info.field_name == "person" else "x0, y0, x1, y1"
-        count = names.count(",") + 1
-        rows = value if isinstance(value, (list, tuple)) else [None]
-        for row in rows:
-            numbers = row if isinstance(row, (list, tuple)) else ()
-            if len(numbers) != count or not all(type(v) in (int, float) and math.isfinite(v) for v in numbers):
-                raise ValueError(f"should be a list of [{names}] with finite numbers, px (got {quoted(value)})")
-        return value
-
     @field_validator("stature", "age", mode="before")
     @classmethod
     def _list_of_numbers(cls, value: Any) -> Any:
@@ -204,11 +162,6 @@ class PhotoSettings(_Table):
     @classmethod
     def _list_of_lengths(cls, value: Any) -> Any:
         return (value,) if isinstance(value, (list, tuple)) and value and type(value[0]) in (int, float) else value
-
-    @model_validator(mode="after")
-    def _valid_sizes(self) -> PhotoSettings:
-        self.known_sizes()  # raises ValueError
-        return self
 
     def known_sizes(self, given: KnownSizes | None = None) -> KnownSizes:
         """Return the known sizes, in px of the upright photo file; unset ones default to ``given``."""
@@ -222,7 +175,8 @@ class PhotoSettings(_Table):
         )
 
     @model_validator(mode="after")
-    def _one_camera(self) -> PhotoSettings:
+    def _one_camera_and_valid_sizes(self) -> PhotoSettings:
+        self.known_sizes()  # raises ValueError
         if self.focal_px is not None and self.intrinsics is not None:
             raise ValueError("has both focal_px and intrinsics: give only one")
         if self.distortion is not None and self.intrinsics is None:
@@ -233,21 +187,19 @@ class PhotoSettings(_Table):
 class BodyModelChoice(_Table):
     """The table ``[body_model]``: the embedded body, or an SMPL-X file of the user."""
 
-    name: str | None = Field(default=None, description="'embedded'")
+    name: Literal["embedded"] | None = Field(default=None, description="the body that PhySIC contains")
     path: _FilePath = Field(default=None, description="an official SMPLX_*.npz; relative to the config file")
 
     @model_validator(mode="after")
     def _one_body(self) -> BodyModelChoice:
         if self.name is not None and self.path is not None:
             raise ValueError("has both name and path: give only one")
-        if self.name not in (None, "embedded"):
-            raise ValueError(f"name should be 'embedded' (got {quoted(self.name)}); for your own file, set path")
         return self
 
     @property
     def source(self) -> str:
         """Name or path of the body model, for :func:`physic_core.body.load_body`."""
-        return self.path or self.name or "embedded"
+        return self.path or "embedded"
 
 
 class EngineChoice(_Table):
@@ -273,8 +225,8 @@ class RunSettings(_Table):
 
     device: str = Field(
         default="cpu",
+        pattern="^(cpu|cuda(:[0-9]{1,3})?)$",
         description="where the networks run: 'cpu', 'cuda' or 'cuda:N'; the engine stays on the CPU",
-        json_schema_extra={"pattern": f"^({DEVICE_PATTERN.pattern})$"},
     )
     threads: int = Field(
         default=1,
@@ -285,13 +237,6 @@ class RunSettings(_Table):
     low_memory: bool = Field(default=False, description="close each backend right after its last use")
     cache: bool = Field(default=True, description="cache backend outputs, and reuse those of earlier runs")
     cache_mb: int = Field(default=2000, ge=0, le=1_000_000_000, description="maximum size of the cache, megabytes")
-
-    @field_validator("device")
-    @classmethod
-    def _known_device(cls, device: str) -> str:
-        if not DEVICE_PATTERN.fullmatch(device):
-            raise ValueError(f"should be 'cpu', 'cuda' or 'cuda:N' (got {quoted(device)})")
-        return device
 
 
 class Config(_Table):
@@ -312,6 +257,13 @@ class Config(_Table):
     run: RunSettings = RunSettings()
 
     _sources: dict[str, str] = PrivateAttr(default_factory=dict)
+
+    @field_validator(*(name for name in INTERFACES if name not in OPTIONAL_INTERFACES))
+    @classmethod
+    def _is_named(cls, choice: BackendChoice) -> BackendChoice:
+        if choice.backend == "none":
+            raise ValueError(f"should name a backend: only {', '.join(OPTIONAL_INTERFACES)} may be 'none'")
+        return choice
 
     def choice(self, interface: str) -> BackendChoice:
         """Return the backend and options chosen for an interface; a file of ``[photo]`` replaces both.
@@ -339,15 +291,8 @@ class Config(_Table):
         Raises:
             ConfigError: a value is invalid; the message lists all errors.
         """
-        label = "settings of this photo"
-        merged, _ = merge_layers([("config", self.as_dict()), (label, {"photo": settings})])
-        try:
-            return self.model_copy(update={"photo": PhotoSettings.model_validate(merged["photo"])})
-        except ValidationError as error:
-            from physic_core.configuration.problem_text import config_error, problems_from_pydantic
-
-            problems = problems_from_pydantic(error, PhotoSettings, "photo")
-            raise config_error(problems, lambda _: label, label, "") from error
+        changed = _validate_layers([("config", self.as_dict()), ("settings of this photo", {"photo": settings})])
+        return self.model_copy(update={"photo": changed.photo})
 
     def source(self, path: str) -> str:
         """Return the source of the value at a dotted path: a file, a flag, "preset embedded" or "default"."""
@@ -355,13 +300,7 @@ class Config(_Table):
 
     def as_dict(self) -> dict[str, Any]:
         """Convert to nested dictionaries, as in a TOML file, without unset values and with absolute paths."""
-        tables = self.model_dump(mode="json", exclude_none=True)
-        if self.body_model.path is not None:
-            tables["body_model"]["path"] = str(Path(self.body_model.path).absolute())
-        for name in ("masks", "depth", "pointmap"):
-            if (path := getattr(self.photo, name)) is not None:
-                tables["photo"][name] = str(Path(path).absolute())
-        return tables
+        return self.model_dump(mode="json", exclude_none=True)
 
 
 def load_config(
@@ -371,7 +310,6 @@ def load_config(
     overrides: Sequence[str] = (),
     flags: Mapping[str, Mapping[str, Any]] | None = None,
     environment: Mapping[str, str] | None = None,
-    check_tables: Callable[[Mapping[str, Any]], ProblemReport] | None = None,
 ) -> Config:
     """Read, merge and validate a configuration.
 
@@ -383,26 +321,18 @@ def load_config(
         flags: flag -> the tables that it sets, such as ``{"--focal-px": {"photo": {"focal_px": 900.0}}}``.
         environment: variables such as ``PHYSIC__INPAINTER__BACKEND=telea``, which override the file; ``overrides``
             override them. None for ``os.environ``.
-        check_tables: further check of the merged tables, such as that of the backends' options; its problems are
-            reported together with the others.
 
     Raises:
         ConfigError: the configuration is invalid; the message lists all errors.
     """
     base = preset or DEFAULT_PRESET
-    if file is None:
-        lowest = preset_layers(base)
-    else:
-        from physic_core.configuration.config_files import read_layers
-
-        lowest = read_layers(file, base)
     layers = [
-        *lowest,
+        *(preset_layers(base) if file is None else file_layers(file, base)),
         *environment_layers(os.environ if environment is None else environment),
         *override_layers(overrides),
         *(flags or {}).items(),
     ]
-    return _validate_layers(layers, f"preset {base}" if file is None else str(file), check_tables)
+    return _validate_layers(layers)
 
 
 def as_config(config: Config | str | os.PathLike[str] | Mapping[str, Any] | None) -> Config:
@@ -416,72 +346,45 @@ def as_config(config: Config | str | os.PathLike[str] | Mapping[str, Any] | None
     """
     if isinstance(config, Config):
         return config
-    if isinstance(config, str) and not is_path(config):
-        return load_config(preset=config)
-    if config is None or isinstance(config, (str, os.PathLike)):
-        return load_config(config)
-    if not isinstance(config, Mapping):
-        raise ConfigError(f"a config should be a preset, a path, a mapping or a Config (got {quoted(config)})")
-    tables = dict(config)
+    tables = dict(config) if isinstance(config, Mapping) else {"extends": config}
     base = tables.pop("extends", None)
     if not (base is None or isinstance(base, str | os.PathLike)):
-        raise ConfigError(f"config: 1 error\nextends   should be the name of a preset or a path (got {quoted(base)})")
+        raise ConfigError(f"a config should be a preset, a path, a mapping or a Config (got {quoted(base)})")
     if isinstance(base, str) and not is_path(base):
         return load_config(preset=base, flags={"config": tables})
     return load_config(base, flags={"config": tables})
 
 
-def _validate_layers(
-    layers: Iterable[SettingsLayer], title: str, check_tables: Callable[[Mapping[str, Any]], ProblemReport] | None
-) -> Config:
+def _validate_layers(layers: Iterable[SettingsLayer]) -> Config:
     """Merge layers and validate the result, or raise one ConfigError with all problems."""
     merged, sources = merge_layers(layers)
-    found = check_tables(merged) if check_tables is not None else ProblemReport()
-    problems = [*_check_choices(merged), *_check_engine(merged.get("engine")), *found.problems]
+    problems = _engine_problems(merged.get("engine"))
     try:
         config = Config.model_validate(merged)
     except ValidationError as error:
-        from physic_core.configuration.problem_text import problems_from_pydantic
-
         problems = problems_from_pydantic(error, Config) + problems
     if problems:
-        from physic_core.configuration.problem_text import config_error
-
-        raise config_error(problems, lambda path: source_of(sources, path), title, found.footer) from found.cause
+        raise config_error(problems, lambda path: source_of(sources, path, "config"))
     config._sources = sources
     return config
 
 
-def _check_choices(merged: Mapping[str, Any]) -> list[Problem]:
-    return [
-        Problem(f"{name}.backend", f"should name a backend: only {', '.join(OPTIONAL_INTERFACES)} may be 'none'")
-        for name in INTERFACES
-        if name not in OPTIONAL_INTERFACES and isinstance(t := merged.get(name), dict) and t.get("backend") == "none"
-    ]
-
-
-def _check_engine(engine: Any) -> list[Problem]:
+def _engine_problems(engine: Any) -> list[Problem]:
     """Return the problems of the engine's preset name and of its overrides."""
-    if not isinstance(engine, dict):
-        return []
-    preset = engine.get("preset", "default")
+    preset = engine.get("preset", DEFAULT_ENERGY) if isinstance(engine, dict) else None
     if not isinstance(preset, str):
         return []
     try:
         check_engine_preset(preset)
     except ConfigError as error:
         return [Problem("engine.preset", str(error))]
-    if not any(isinstance(engine.get(stage.name), dict) for stage in fields(EngineSettings)):
-        return []
+    given = {stage: table for stage, table in engine.items() if table and isinstance(table, dict)}
     problems = []
-    for stage, table in stage_models(preset).items():
-        if isinstance(engine.get(stage), dict):
-            try:
-                table.model_validate(engine[stage])
-            except ValidationError as error:
-                from physic_core.configuration.problem_text import problems_from_pydantic
-
-                problems += problems_from_pydantic(error, table, f"engine.{stage}", "setting")
+    for stage, model in stage_models(preset).items() if given else ():
+        try:
+            model.model_validate(given.get(stage, {}))
+        except ValidationError as error:
+            problems += problems_from_pydantic(error, model, f"engine.{stage}", "setting")
     return problems
 
 

@@ -1,35 +1,63 @@
-"""Problems of a configuration file; :mod:`problem_text` formats them."""
+"""Problems of a configuration, and one exception that lists all of them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, NamedTuple
+
+from physic_core.discovery.close_names import did_you_mean
+from physic_core.errors import ConfigError
+from physic_core.files.quoting import quoted
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel, ValidationError
 
 
-@dataclass(frozen=True)
-class Problem:
-    """One invalid setting of a configuration.
-
-    Attributes:
-        path: dotted path in the file: "metric_depth.options.scale".
-        message: the error, the given value, and the remedy.
-        of_plugin: whether the author of a plugin must correct it.
-    """
+class Problem(NamedTuple):
+    """One invalid setting: its dotted path, such as "metric_depth.options.scale", and what is wrong with it."""
 
     path: str
     message: str
-    of_plugin: bool = False
 
 
-@dataclass(frozen=True)
-class ProblemReport:
-    """Problems found by one check of a configuration.
+def config_error(problems: Iterable[Problem], source: Callable[[str], str]) -> ConfigError:
+    """Return one exception with a line for each problem: "my.toml: photo.max_side: should be ... (got 3)".
 
-    Attributes:
-        problems: all of them.
-        footer: last line of the error message; may be empty.
-        cause: exception that caused one of the problems, if any.
+    Args:
+        problems: at least one.
+        source: maps a dotted path to the file or flag that set its value.
     """
+    return ConfigError("\n".join(f"{source(path)}: {path}: {message}" for path, message in dict.fromkeys(problems)))
 
-    problems: tuple[Problem, ...] = ()
-    footer: str = ""
-    cause: BaseException | None = None
+
+def problems_from_pydantic(
+    error: ValidationError, model: type[BaseModel], path: str = "", kind: str = "key"
+) -> list[Problem]:
+    """Convert a validation error of pydantic; its messages are kept.
+
+    Args:
+        error: the exception.
+        model: the validated model; an unknown key is compared with its fields.
+        path: dotted path of the validated table.
+        kind: word for an unknown key, "key" or "option".
+    """
+    problems = []
+    for found in error.errors(include_url=False):
+        loc = [str(part) for part in found["loc"]]
+        if found["type"] == "extra_forbidden":
+            message = f"unknown {kind}{did_you_mean(loc[-1], _keys(model, loc[:-1]))}"
+        elif found["type"] == "missing":
+            message = "is missing"
+        else:
+            message = found["msg"].removeprefix("Value error, ").removeprefix("Input ").removeprefix("String ")
+            message += "" if found["type"] == "value_error" else f" (got {quoted(found['input'])})"
+        problems.append(Problem(".".join(filter(None, [path, *loc])), message))
+    return problems
+
+
+def _keys(model: type[BaseModel], loc: list[str]) -> list[str]:
+    """Return the keys of the table at ``loc`` in a model, or none if there is no table."""
+    fields = model.model_fields
+    for part in loc:
+        fields = getattr(fields[part].annotation if part in fields else None, "model_fields", {})
+    return list(fields)

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from pydantic import BaseModel, ValidationError
 
 from physic_core.adapters.devices import check_device
-from physic_core.configuration.model import load_config
-from physic_core.configuration.problems import Problem, ProblemReport
+from physic_core.configuration.model import BackendChoice, load_config
+from physic_core.configuration.problems import Problem, config_error, problems_from_pydantic
+from physic_core.discovery.close_names import did_you_mean
+from physic_core.discovery.error_text import describe_error
 from physic_core.discovery.offers import GIVEN_IN_PYTHON, BackendOffer
 from physic_core.discovery.plugin_code import plugin_code
 from physic_core.discovery.readiness import has_gpu, missing_requirements
@@ -27,6 +29,7 @@ from physic_core.errors import (
     PhysicError,
     WeightsMissingError,
 )
+from physic_core.files.quoting import quoted
 from physic_core.interfaces import INTERFACES, PHOTO_INTERFACES
 from physic_core.types import Provenance
 
@@ -36,6 +39,9 @@ if TYPE_CHECKING:
     from physic_core.engine.settings import EngineSettings
     from physic_core.interfaces import Backend, Options
     from physic_core.weights.manifest import WeightSet
+
+_Chosen: TypeAlias = "tuple[BackendOffer, type[Backend], Options]"
+"""A backend that a plugin offers, its class, and its options."""
 
 
 @dataclass(frozen=True)
@@ -84,14 +90,6 @@ class ResolvedPipeline:
         return self.config.engine.settings() if self.given_engine is None else self.given_engine
 
 
-@dataclass(frozen=True)
-class _Choice:
-    offer: BackendOffer
-    kind: type[Backend]
-    options: Options
-    instance: Backend | None = None
-
-
 def resolve(
     config: Config, registry: Registry, backends: Mapping[str, Backend | type[Backend]] | None = None
 ) -> ResolvedPipeline:
@@ -104,16 +102,15 @@ def resolve(
 
     Raises:
         ConfigError: names or options are invalid; the message lists all errors.
-        BackendError: a backend is of another interface, or its constructor failed.
+        BackendError: a backend is broken or of another interface, or its constructor failed.
     """
-    given = {name: _choose_given(name, backend, registry) for name, backend in (backends or {}).items()}
-    others = set(INTERFACES) - set(PHOTO_INTERFACES)
-    choices = _select_or_raise(config, registry, without=(*given, *others)) | given
-    resolved = {name: _construct(name, choices[name]) for name in PHOTO_INTERFACES if name in choices}
-    used = {name: resolved[name].provenance for name in given}
+    given = {name: _given_in_python(name, backend, registry) for name, backend in (backends or {}).items()}
+    choices = {name: config.choice(name) for name in PHOTO_INTERFACES if name not in given}
+    found = {name: _construct(*one) for name, one in _select(choices, registry, config.source).items()} | given
+    used = {name: one.provenance for name, one in given.items()}
     config = config.with_backends({name: (who.backend, who.options) for name, who in used.items()})
     return ResolvedPipeline(
-        backends=MappingProxyType(resolved),
+        backends=MappingProxyType({name: found[name] for name in PHOTO_INTERFACES if name in found}),
         photo=config.photo,
         body_model=config.body_model.source,
         device=config.run.device,
@@ -130,14 +127,10 @@ def resolve_one(interface: str, name: str, options: Mapping[str, object], regist
         BackendError: its class cannot be imported or constructed.
     """
     _require_interface(interface)
-    chosen, found = _select_backends({interface: {"backend": name, "options": dict(options)}}, registry)
-    if found.problems:
-        from physic_core.configuration.problem_text import config_error
-
-        raise config_error(found.problems, lambda _: "default", "load_backend", found.footer) from found.cause
-    if interface not in chosen:
+    if name in ("", "none"):
         raise ConfigError(f"load_backend: name a backend of {interface}, one of {', '.join(registry.names(interface))}")
-    resolved = _construct(interface, chosen[interface])
+    choice = BackendChoice(backend=name, options=dict(options))
+    resolved = _construct(*_select({interface: choice}, registry, lambda _: "load_backend")[interface])
     if texts := missing_requirements(resolved.backend):
         raise WeightsMissingError(format_missing([f"{resolved.title}: {text}" for text in texts], ""))
     return resolved
@@ -221,7 +214,7 @@ def named_weights(plan: ResolvedPipeline, registry: Registry) -> tuple[WeightSet
     for resolved in plan.backends.values():
         who = resolved.provenance
         for manifest in registry.manifests:
-            if (manifest.origin.plugin, manifest.origin.distribution) == (who.plugin, who.distribution):
+            if manifest.origin.distribution == who.distribution:
                 sets = read_manifest(manifest.path)
                 names = (value for value in who.options.values() if isinstance(value, str) and value in sets)
                 found |= {(who.distribution, name): locked(sets[name]) for name in names}
@@ -233,8 +226,9 @@ def check_backends(config: Config, registry: Registry) -> None:
 
     Raises:
         ConfigError: names or options are invalid; the message lists all errors.
+        BackendError: a backend is broken.
     """
-    _select_or_raise(config, registry)
+    _select({name: config.choice(name) for name in INTERFACES}, registry, config.source)
 
 
 def load_checked_config(registry: Registry, file: str | os.PathLike[str] | None = None, **settings: Any) -> Config:
@@ -247,8 +241,11 @@ def load_checked_config(registry: Registry, file: str | os.PathLike[str] | None 
 
     Raises:
         ConfigError: the configuration is invalid; the message lists all errors.
+        BackendError: a backend is broken.
     """
-    return load_config(file, **settings, check_tables=lambda tables: _select_backends(tables, registry)[1])
+    config = load_config(file, **settings)
+    check_backends(config, registry)
+    return config
 
 
 def load_plan(registry: Registry, file: str | os.PathLike[str] | None = None, **settings: Any) -> ResolvedPipeline:
@@ -268,29 +265,17 @@ def load_plan(registry: Registry, file: str | os.PathLike[str] | None = None, **
     return plan
 
 
-def _select_or_raise(config: Config, registry: Registry, without: tuple[str, ...] = ()) -> dict[str, _Choice]:
-    tables = {name: config.choice(name).model_dump() for name in INTERFACES if name not in without}
-    chosen, found = _select_backends(tables, registry)
-    if found.problems:
-        from physic_core.configuration.problem_text import config_error
-
-        raise config_error(found.problems, config.source, "config", found.footer) from found.cause
-    return chosen
-
-
 def _require_interface(name: str) -> None:
     if name not in INTERFACES:
-        from physic_core.discovery.close_names import did_you_mean
-
         hint = did_you_mean(name, INTERFACES)
         raise ConfigError(f"backends: no interface named '{name}'; there are: {', '.join(INTERFACES)}{hint}")
 
 
-def _choose_given(interface: str, given: object, registry: Registry) -> _Choice:
-    """Check an instance or class given in Python.
+def _given_in_python(interface: str, given: object, registry: Registry) -> ResolvedBackend:
+    """Check an instance given in Python, or construct a class with its default options.
 
     Raises:
-        ConfigError: no interface of a single photo has this name.
+        ConfigError: no interface of a single photo has this name, or the class needs options.
         BackendError: the object is of another interface, or its class is incomplete.
     """
     _require_interface(interface)
@@ -299,97 +284,72 @@ def _choose_given(interface: str, given: object, registry: Registry) -> _Choice:
     wanted = INTERFACES[interface]
     kind = given if isinstance(given, type) else type(given)
     if not issubclass(kind, wanted):
-        got = f"the class {kind.__name__}" if isinstance(given, type) else repr(given)
         raise BackendError(
             f"backends['{interface}'] should be an instance or a subclass of physic_core.interfaces.{wanted.__name__} "
-            f"(got {got})"
+            f"(got {quoted(given)})"
         )
     name = f"{kind.__module__}:{kind.__qualname__}"
     offer = BackendOffer(BackendRecord(interface, name, kind, api=wanted.api), GIVEN_IN_PYTHON)
     registry.load_concrete_class(offer)
     if isinstance(given, wanted):
-        return _Choice(offer, kind, cast("Options", given.options), given)
+        return _resolved(offer, given, given.options, cacheable=False)
     try:
-        return _check_options(offer, kind, {})
-    except _InvalidOptions as error:
-        names = ", ".join(problem.path.rpartition(".")[2] for problem in error.problems)
-        raise ConfigError(
-            f"backends['{interface}']: {kind.__name__} has no default for {names}: give an instance, "
-            f"{kind.__name__}({', '.join(f'{problem.path.rpartition(chr(46))[2]}=...' for problem in error.problems)})"
-        ) from error
+        return _construct(offer, kind, kind.Options())
+    except ValidationError as error:
+        raise ConfigError(f"backends['{interface}']: {name} has options without a default: give an instance") from error
 
 
-def _select_backends(tables: Mapping[str, Any], registry: Registry) -> tuple[dict[str, _Choice], ProblemReport]:
-    """Import the chosen backend of each interface, and check its options; return the backends and the problems.
+def _select(
+    choices: Mapping[str, BackendChoice], registry: Registry, source: Callable[[str], str]
+) -> dict[str, _Chosen]:
+    """Import the chosen backend of each interface, and check its options.
 
-    A value that is not a table, or has no backend name, is skipped: the check of the structure reports it.
+    Raises:
+        ConfigError: names or options are invalid; the message lists all errors.
+        BackendError: a backend is broken.
     """
-    chosen: dict[str, _Choice] = {}
+    chosen: dict[str, _Chosen] = {}
     problems: list[Problem] = []
-    cause: BaseException | None = None
-    footer = ""
-    for interface in INTERFACES:
-        table = tables.get(interface)
-        name = table.get("backend") if isinstance(table, dict) else None
-        options = table.get("options", {}) if isinstance(table, dict) else {}
-        if not isinstance(name, str) or name in ("", "none"):
+    cause: BackendError | None = None
+    for interface, choice in choices.items():
+        if choice.backend == "none":
             continue
         try:
-            offer = registry.get(interface, name)
+            offer = registry.get(interface, choice.backend)
             kind = registry.load_concrete_class(offer)
-            chosen[interface] = _check_options(offer, kind, options if isinstance(options, dict) else {})
-        except BackendNotFoundError as error:
-            message, _, python = str(error).partition("\nPython: ")
-            problems.append(Problem(f"{interface}.backend", message))
-            cause, footer = cause or error.__cause__, f"Python: {python}" if python else footer
-        except BackendError as error:
-            is_choice = isinstance(error, AmbiguousBackendError)
-            problems.append(Problem(f"{interface}.backend", str(error), of_plugin=not is_choice))
+        except (BackendNotFoundError, AmbiguousBackendError) as error:
+            problems.append(Problem(f"{interface}.backend", str(error)))
             cause = cause or error
-        except _InvalidOptions as error:
-            problems += error.problems
-    return chosen, ProblemReport(tuple(problems), footer, cause)
+            continue
+        try:
+            chosen[interface] = offer, kind, kind.Options.model_validate(choice.options)
+        except ValidationError as error:
+            problems += problems_from_pydantic(error, kind.Options, f"{interface}.options", "option")
+    if problems:
+        raise config_error(problems, source) from cause
+    return chosen
 
 
-class _InvalidOptions(Exception):
-    def __init__(self, problems: list[Problem]) -> None:
-        super().__init__()
-        self.problems = problems
-
-
-def _check_options(offer: BackendOffer, kind: type[Backend], options: Mapping[str, object]) -> _Choice:
-    if not issubclass(kind.Options, BaseModel):
-        raise BackendError(f"{offer}: its Options is not a subclass of physic_core.interfaces.Options")
-    try:
-        return _Choice(offer, kind, kind.Options.model_validate(dict(options)))
-    except ValidationError as error:
-        from physic_core.configuration.problem_text import problems_from_pydantic
-
-        path = f"{offer.record.interface}.options"
-        raise _InvalidOptions(problems_from_pydantic(error, kind.Options, path, "option")) from error
-
-
-def _construct(interface: str, choice: _Choice) -> ResolvedBackend:
-    record, origin = choice.offer.record, choice.offer.origin
+def _construct(offer: BackendOffer, kind: type[Backend], options: Options) -> ResolvedBackend:
     try:
         with plugin_code():
-            backend = choice.kind(choice.options) if choice.instance is None else choice.instance
+            backend = kind(options)
     except PhysicError:
         raise
     except Exception as cause:  # a plugin may raise anything
-        from physic_core.discovery.error_text import describe_error
+        raise BackendError(f"{offer} cannot be constructed: {describe_error(cause, kind)}") from cause
+    return _resolved(offer, backend, options)
 
-        raise BackendError(f"{choice.offer} cannot be constructed: {describe_error(cause, choice.kind)}") from cause
-    return ResolvedBackend(
-        backend,
-        Provenance(
-            interface=interface,
-            backend=record.name,
-            plugin=origin.plugin,
-            distribution=origin.distribution,
-            version=origin.version,
-            options=choice.options.model_dump(mode="json"),
-            weights_license=record.weights_license,
-        ),
-        cacheable=choice.instance is None,
+
+def _resolved(offer: BackendOffer, backend: Backend, options: BaseModel, *, cacheable: bool = True) -> ResolvedBackend:
+    record, origin = offer.record, offer.origin
+    provenance = Provenance(
+        interface=record.interface,
+        backend=record.name,
+        plugin=origin.plugin,
+        distribution=origin.distribution,
+        version=origin.version,
+        options=options.model_dump(mode="json"),
+        weights_license=record.weights_license,
     )
+    return ResolvedBackend(backend, provenance, cacheable)

@@ -17,7 +17,8 @@ from physic_core.cli import main
 from physic_core.cli.config import config_toml
 from physic_core.cli.listing import describe_backend, plugins_as_dicts, plugins_table
 from physic_core.cli.plugins import details
-from physic_core.configuration.model import load_config, preset_names
+from physic_core.configuration.layers import preset_names
+from physic_core.configuration.model import load_config
 from physic_core.configuration.resolve import load_checked_config, resolve
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.readiness import readiness
@@ -162,8 +163,8 @@ def test_run_keeps_what_fails_cheaply_in_front_of_the_pipeline(pipeline):
     Path("taken").write_text("")
     long = "x" * 300  # a folder that may not be entered
     for arguments, message in (
-        (run("--set", "photo.max_side=1"), "photo.max_side   should be >= 128 (got 1)"),
-        (run("--device", "foo"), "run.device   should be 'cpu', 'cuda' or 'cuda:N' (got 'foo')"),
+        (run("--set", "photo.max_side=1"), "--set: photo.max_side: "),
+        (run("--device", "foo"), "--device: run.device: "),
         (("run", "photo.jpg", "--preset", "no"), "no preset named 'no'; there are: best, embedded, light-cpu, mock"),
         (run("-o", "taken"), "cannot write results to taken: it is a file; name a folder, or move the file away"),
         (run("-o", "taken/deep"), "cannot write results to taken/deep: Not a directory; name another folder"),
@@ -429,11 +430,11 @@ def test_check_prints_ok_or_the_faults():
     Path("my.toml").write_text('extends = "mock"\n[photo]\nmax_side = 640\n')
     assert physic("config", "check", "my.toml").stdout == "my.toml: no errors\n"
     assert refusal("config", "check", "my.toml", "--set", "inpainter.backend=telae").startswith(
-        "--set: 1 error\ninpainter.backend   no inpainter named 'telae'; installed: "
+        "--set: inpainter.backend: no inpainter named 'telae'; installed: "
     )
     done = physic("config", "check", "my.toml", "--set", "body_model.path=SMPLX_NEUTRAL.npz")
     assert done.exit_code == 4
-    assert "1 thing is missing; a run would stop:\n  body_model.path: no file at SMPLX_NEUTRAL.npz: " in done.stdout
+    assert "1 thing is missing; a run would stop:\n  body_model.path: no file at " in done.stdout
 
 
 @pytest.mark.parametrize("preset", preset_names())

@@ -51,11 +51,6 @@ CANNOT_RUN_CODE = {
         "plugins/physic-viewer/tests/test_report.py::test_text_of_others_is_never_markup",
         "plugins/physic-viewer/tests/test_report.py::test_a_page_has_no_address_and_is_small",
     ),
-    "the values of a config": (
-        "tests/configuration/test_config.py::test_hostile_values_are_one_short_error",
-        "tests/configuration/test_config.py::test_hostile_variables_and_overrides_are_one_short_error",
-        "tests/configuration/test_config.py::test_hostile_tables_of_python_are_one_short_error",
-    ),
     "a table of photos for `physic batch`": (
         "tests/batch/test_photos.py::test_a_table_with_faults_is_an_error",
         "tests/batch/test_photos.py::test_parquet_tables_of_pandas_have_nan_for_missing_values_and_numbers_as_ids",
@@ -142,12 +137,6 @@ WRITTEN = {
     ),
 }
 READ = {
-    "a config": (
-        "tests/configuration/test_config.py::test_a_file_that_is_too_large_for_a_config_is_not_read",
-        "tests/configuration/test_config.py::test_a_chain_of_many_files_is_refused",
-        "tests/configuration/test_config.py::test_hostile_values_are_one_short_error",
-        "tests/configuration/test_config.py::test_a_message_of_many_errors_counts_those_that_have_no_room",
-    ),
     "a setting": "tests/configuration/test_bounds_of_settings.py::test_every_setting_is_bounded",
     "a photo, a file of masks": (
         "tests/io/test_photo.py::test_a_photo_of_too_many_pixels_is_refused",

@@ -9,6 +9,7 @@ from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
 from physic_core import engine_preset_names
+from physic_core.configuration.layers import preset_names
 from physic_core.configuration.model import (
     OPTIONAL_INTERFACES,
     BackendChoice,
@@ -16,7 +17,6 @@ from physic_core.configuration.model import (
     EngineChoice,
     PhotoSettings,
     RunSettings,
-    preset_names,
     stage_models,
 )
 from physic_core.interfaces import INTERFACES

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from physic_core import engine_preset_names
 from physic_core.adapters.checkouts import NON_COMMERCIAL, PIP_NAMES
 from physic_core.cache.folders import cache_folder
+from physic_core.configuration.layers import file_layers, merge_layers, preset_layers
 from physic_core.configuration.model import load_config
-from physic_core.configuration.problems import ProblemReport
 from physic_core.configuration.resolve import named_weights, resolve
 from physic_core.discovery.catalog import ENERGIES, distribution_for, sources_in_checkout
 from physic_core.errors import BackendNotFoundError, ConfigError
@@ -85,17 +85,12 @@ def read_config(file: Path, preset: str) -> tuple[Config, tuple[str, ...]]:
     Raises:
         ConfigError: the configuration is invalid for another reason.
     """
-    merged: dict[str, Any] = {}
-
-    def keep(tables: Mapping[str, Any]) -> ProblemReport:
-        merged.update(tables)
-        return ProblemReport()
-
     read = partial(load_config, file) if file.is_file() else partial(load_config, preset=preset)
     try:
-        return read(check_tables=keep), ()
+        return read(), ()
     except ConfigError:
-        engine = merged.get("engine", {}).get("preset")
+        tables, _ = merge_layers(file_layers(file, preset) if file.is_file() else preset_layers(preset))
+        engine = tables.get("engine", {}).get("preset")
         if engine in engine_preset_names() or engine not in ENERGIES:
             raise
         return read(flags={"physic setup": {"engine": {"preset": "default"}}}), (ENERGIES[engine],)

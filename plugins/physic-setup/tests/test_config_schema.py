@@ -8,7 +8,8 @@ from typing import Any
 import jsonschema
 import pytest
 
-from physic_core.configuration.model import load_config, preset_names
+from physic_core.configuration.layers import preset_names
+from physic_core.configuration.model import load_config
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import BackendRecord, Registry
 from physic_setup.schema import config_schema

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from pydantic import ValidationError
 
-from physic_core.configuration.problem_text import problems_from_pydantic
+from physic_core.configuration.problems import problems_from_pydantic
 from physic_core.discovery.error_text import describe_error
 from physic_core.discovery.local_modules import split_folder
 from physic_core.discovery.readiness import missing_requirements

@@ -1,28 +1,13 @@
-"""Quote user values in messages: short, and without control characters."""
+"""Text of others in messages: short, and without characters that a terminal obeys."""
 
 from __future__ import annotations
 
-import reprlib
 from typing import Any
-
-
-class _Repr(reprlib.Repr):
-    def __init__(self) -> None:
-        super().__init__()
-        self.maxlevel, self.maxstring, self.maxother = 4, 100, 100
-        self.maxdict = self.maxlist = self.maxtuple = self.maxset = 8
-
-    def repr_int(self, x: int, level: int) -> str:
-        # Python refuses to print an integer of more than 4,300 digits.
-        return repr(x) if x.bit_length() <= 128 else f"an integer of {x.bit_length():,} bits"
-
-
-_REPR = _Repr()
 
 
 def quoted(value: Any) -> str:
     """Return the ``repr`` of a value, shortened to 200 characters."""
-    return shorten(_REPR.repr(value), 200)
+    return shorten(repr(value), 200)
 
 
 def shorten(text: str, limit: int) -> str:
@@ -35,6 +20,4 @@ def shorten(text: str, limit: int) -> str:
 
 def printable(text: str) -> str:
     """Escape characters that a terminal obeys or cannot print; newlines and tabs are kept."""
-    if text.isprintable():
-        return text
     return "".join(c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode("ascii") for c in text)
