@@ -115,35 +115,19 @@ def config_toml(found: Config, registry: Registry | None = None) -> str:
             default_sources[f"engine.{stage}"] = f"engine preset {found.engine.preset}"
 
     def note(path: str) -> str:
-        above = next((words for start, words in default_sources.items() if path.startswith(f"{start}.")), "")
         label = found.source(path)
-        # The source of a table is not the source of the defaults in it.
-        return f"  # {label if not above or _sets_value(found, path) else above}"
+        above = next((words for start, words in default_sources.items() if path.startswith(f"{start}.")), label)
+        return f"  # {above if label == 'default' else label}"
 
     return "\n".join(line for name, table in tables.items() for line in _table(name, table, note)).lstrip("\n") + "\n"
 
 
-def _sets_value(found: Config, path: str) -> bool:
-    """Return whether the configuration sets a value at a dotted path."""
-    table: Any = found.as_dict()
-    for key in path.split("."):
-        if not isinstance(table, dict) or key not in table:
-            return False
-        table = table[key]
-    return True
-
-
 def _table(path: str, table: Mapping[str, Any], note: Callable[[str], str]) -> list[str]:
-    lines = ["", f"[{path}]"]
-    lines += [f"{key} = {toml_value(v)}{note(f'{path}.{key}')}" for key, v in table.items() if _is_value(v)]
-    if len(lines) == 2:
-        lines = []
-    for key, value in table.items():
-        if isinstance(value, dict) and value:
-            lines += _table(f"{path}.{key}", value, note)
-    return lines
-
-
-def _is_value(value: Any) -> bool:
-    """Return whether a value is neither None, which TOML cannot express, nor a table."""
-    return value is not None and not isinstance(value, dict)
+    inner = {key: value for key, value in table.items() if isinstance(value, dict) and value}
+    lines = [
+        f"{key} = {toml_value(value)}{note(f'{path}.{key}')}"
+        for key, value in table.items()
+        if value is not None and not isinstance(value, dict)  # TOML cannot express None
+    ]
+    below = [line for key, value in inner.items() for line in _table(f"{path}.{key}", value, note)]
+    return [*(["", f"[{path}]", *lines] if lines else []), *below]

@@ -151,6 +151,8 @@ def _merge(
     """Merge a layer into ``base`` in place, and store the label of the layer for each value."""
     if table in INTERFACES and not _same_backend(layer.get("backend"), base.get("backend")):
         base.pop("options", None)
+        for path in [path for path in sources if path.startswith(f"{table}.options.")]:
+            del sources[path]
     alternatives = _ALTERNATIVE_KEYS.get(table, set())
     for key in alternatives if alternatives & layer.keys() else ():
         base.pop(key, None)

@@ -16,9 +16,8 @@ from physic_core.adapters.devices import check_device
 from physic_core.configuration.model import BackendChoice, load_config
 from physic_core.configuration.problems import Problem, config_error, problems_from_pydantic
 from physic_core.discovery.close_names import did_you_mean
-from physic_core.discovery.error_text import describe_error
 from physic_core.discovery.offers import GIVEN_IN_PYTHON, BackendOffer
-from physic_core.discovery.plugin_code import plugin_code
+from physic_core.discovery.plugin_code import named_plugin_code
 from physic_core.discovery.readiness import has_gpu, missing_requirements
 from physic_core.discovery.records import BackendRecord
 from physic_core.errors import (
@@ -331,13 +330,8 @@ def _select(
 
 
 def _construct(offer: BackendOffer, kind: type[Backend], options: Options) -> ResolvedBackend:
-    try:
-        with plugin_code():
-            backend = kind(options)
-    except PhysicError:
-        raise
-    except Exception as cause:  # a plugin may raise anything
-        raise BackendError(f"{offer} cannot be constructed: {describe_error(cause, kind)}") from cause
+    with named_plugin_code(f"{offer} cannot be constructed", kind):
+        backend = kind(options)
     return _resolved(offer, backend, options)
 
 

@@ -8,10 +8,10 @@ from importlib import import_module
 from importlib.metadata import EntryPoint
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
-from physic_core.discovery.plugin_code import plugin_code
+from physic_core.discovery.plugin_code import named_plugin_code
 from physic_core.discovery.records import RECORD_HOOKS, CommandRecord, ExporterRecord, TargetRecord
 from physic_core.discovery.registration import PLUGINS_GROUP, call_hook, register_plugins, select_entry_points
-from physic_core.errors import ConfigError, PackageMissingError, PhysicError, PluginError
+from physic_core.errors import ConfigError, PackageMissingError, PluginError
 
 if TYPE_CHECKING:
     from physic_core.discovery.offers import Origin
@@ -118,15 +118,8 @@ def import_target(found: Installed[Any], role: str) -> Any:
         PluginError: it cannot be imported.
     """
     module, _, attribute = found.record.target.partition(":")
-    try:
-        with plugin_code():
-            return getattr(import_module(module), attribute)
-    except Exception as error:
-        from physic_core.discovery.error_text import describe_error
-
-        raise PluginError(
-            f"the {role} '{found.record.name}' of {found.origin} cannot be imported: {describe_error(error, module)}"
-        ) from error
+    with named_plugin_code(f"{_title(found, role)} cannot be imported", module, kind=PluginError):
+        return getattr(import_module(module), attribute)
 
 
 def call_target(found: Installed[Any], role: str, *arguments: object) -> Any:
@@ -142,18 +135,8 @@ def call_target(found: Installed[Any], role: str, *arguments: object) -> Any:
         PhysicError: raised by the function itself.
     """
     function = import_target(found, role)
-    try:
-        with plugin_code():
-            return function(*arguments)
-    except (PhysicError, MemoryError):
-        raise
-    except Exception as error:
-        from physic_core.discovery.error_text import describe_error
-
-        module = found.record.target.partition(":")[0]
-        raise PluginError(
-            f"the {role} '{found.record.name}' of {found.origin} fails: {describe_error(error, module)}"
-        ) from error
+    with named_plugin_code(f"{_title(found, role)} fails", found.record.target.partition(":")[0], kind=PluginError):
+        return function(*arguments)
 
 
 def explain_absence(distribution: str) -> str:
@@ -171,3 +154,7 @@ def explain_absence(distribution: str) -> str:
     if broken:
         reason = f"broken ({broken[0]})"
     return f"{distribution}, which is {reason}: {how_to_install(distribution)}"
+
+
+def _title(found: Installed[Any], role: str) -> str:
+    return f"the {role} '{found.record.name}' of {found.origin}"

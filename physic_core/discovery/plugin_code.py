@@ -11,6 +11,8 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, redirect_stdout, suppress
 from typing import Any
 
+from physic_core.errors import BackendError, PhysicError
+
 
 class PluginExit(Exception):
     """Raised in place of SystemExit or another BaseException of a plugin, which is its cause."""
@@ -45,6 +47,30 @@ def plugin_code() -> Iterator[None]:
             with suppress(OSError):
                 os.chdir(folder)
         _restore_torch(before)
+
+
+@contextmanager
+def named_plugin_code(title: str, *owners: str | type, kind: type[PhysicError] = BackendError) -> Iterator[None]:
+    """Run code of a plugin as :func:`plugin_code` does, and convert its exceptions.
+
+    Args:
+        title: start of the message, which names the plugin.
+        owners: the plugin's modules, by name, or its classes, to find its line in the traceback.
+        kind: class of the exception.
+
+    Raises:
+        PhysicError: raised by the plugin itself, or of the class ``kind`` in place of another exception.
+        MemoryError: raised by the plugin.
+    """
+    try:
+        with plugin_code():
+            yield
+    except (PhysicError, MemoryError):
+        raise
+    except Exception as error:  # a plugin may raise anything
+        from physic_core.discovery.error_text import describe_error
+
+        raise kind(f"{title}: {describe_error(error, *owners)}") from error
 
 
 _stdout_is_own = False

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from physic_core.discovery.local_modules import split_folder
-from physic_core.discovery.plugin_code import plugin_code
-from physic_core.errors import BackendError, PhysicError, WeightsMissingError
+from physic_core.discovery.plugin_code import named_plugin_code
+from physic_core.errors import BackendError, WeightsMissingError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -115,16 +115,10 @@ def missing_requirements(backend: Backend) -> tuple[str, ...]:
         PhysicError: raised by the backend itself.
     """
     try:
-        with plugin_code():
+        with named_plugin_code("missing() fails", type(backend)):
             messages: object = backend.missing()
     except WeightsMissingError as error:
         return (str(error),)
-    except PhysicError:
-        raise
-    except Exception as error:
-        from physic_core.discovery.error_text import describe_error
-
-        raise BackendError(f"missing() fails: {describe_error(error, type(backend))}") from error
     if not isinstance(messages, (tuple, list)) or not all(isinstance(text, str) for text in messages):
         raise BackendError(f"missing() must return a tuple of texts, got {messages!r}")
     return tuple(messages)
