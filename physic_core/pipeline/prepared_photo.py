@@ -1,11 +1,13 @@
-"""Prepare a photo for the backends: camera, size, undistortion, and the user's data in px of the result."""
+"""Prepare a photo for the backends: camera, border, size, undistortion, and the user's data in px of the result."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from physic_core.io.people_prompt import check_prompt, read_masks, resize_prompt
 from physic_core.io.photo import Photo, limit_size
+from physic_core.pipeline.border import Border, cut_border, find_inside
 from physic_core.types import CameraTrust, Intrinsics, KnownSizes, Lens, PeoplePrompt
 
 if TYPE_CHECKING:
@@ -21,18 +23,20 @@ class PreparedPhoto:
         people: the people to reconstruct, px of the picture; None for all people.
         known: sizes that the user knows, px of the picture.
         lens: of the file; None without distortion.
+        border: that was cut off the photo; None without one.
     """
 
     photo: Photo
     people: PeoplePrompt | None
     known: KnownSizes
     lens: Lens | None
+    border: Border | None = None
 
 
 def prepare_photo(
     photo: Photo, settings: PhotoSettings, people: PeoplePrompt | None, known: KnownSizes | None
 ) -> PreparedPhoto:
-    """Prepare a photo.
+    """Prepare a photo. A border is not looked for if the photo has lens distortion, or its depth is in a file.
 
     Args:
         photo: as read.
@@ -44,13 +48,23 @@ def prepare_photo(
         InputError: people or distortion cannot be used.
     """
     file_size = photo.file_size or photo.image.shape[1::-1]
-    photo = limit_size(_with_camera(photo, settings), settings.max_side)
-    height, width = photo.image.shape[:2]
+    photo, whole, border = _with_camera(photo, settings), photo.image, None
+    height, width = whole.shape[:2]
     prompt, note = _prompt(people, settings, file_size, (width, height))
     photo = replace(photo, notes=(*photo.notes, note)) if note else photo
     sizes = settings.known_sizes(known).resized(width / file_size[0], height / file_size[1])
+    of_whole = settings.distortion or settings.depth or settings.pointmap
+    if inside := None if of_whole else find_inside(whole):
+        photo, prompt, sizes = cut_border(photo, prompt, sizes, inside)
+    height, width = photo.image.shape[:2]
+    photo = limit_size(photo, settings.max_side)
+    new_height, new_width = photo.image.shape[:2]
+    prompt = None if prompt is None else resize_prompt(prompt, (width, height), (new_width, new_height))
+    sizes = sizes.resized(new_width / width, new_height / height)
+    if inside:
+        border = Border.around(photo.image, whole, inside)
     if settings.distortion is None or photo.intrinsics is None:
-        return PreparedPhoto(photo, prompt, sizes, None)
+        return PreparedPhoto(photo, prompt, sizes, None, border)
     from physic_core.pipeline.undistort import undistort
 
     lens = Lens(photo.intrinsics.resized(*file_size), settings.distortion)
@@ -73,19 +87,17 @@ def _with_camera(photo: Photo, settings: PhotoSettings) -> Photo:
 def _prompt(
     people: PeoplePrompt | None, settings: PhotoSettings, file_size: tuple[int, int], size: tuple[int, int]
 ) -> tuple[PeoplePrompt | None, str]:
-    """Return the user's choice of people, px of the image to reconstruct, None for all people; and a note, or "".
+    """Return the user's choice of people, px of the image as read, None for all people; and a note, or "".
 
     Args:
         people: in px of the upright file; the config's choice if None.
         settings: of the config.
         file_size: width and height of the upright file, px.
-        size: width and height of the image to reconstruct, px.
+        size: width and height of the image as read, px.
     """
     is_set = settings.person or settings.box or settings.masks
     if people is None and not is_set:
         return None, ""
-    from physic_core.io.people_prompt import check_prompt, read_masks, resize_prompt
-
     note = ""
     if people is None:
         masks, note = (None, "") if settings.masks is None else read_masks(settings.masks)

@@ -343,7 +343,8 @@ def _reconstruct(
     sources, others = describe_sources(plan, stages.files)
     stages.warn(*others)
     found = build_reconstruction(estimates, solution, checks, load_model(), plan.config, stages)
-    return replace(found, lens=prepared.lens, diagnostics={**found.diagnostics, **sources})
+    found = replace(found, lens=prepared.lens, diagnostics={**found.diagnostics, **sources})
+    return found if prepared.border is None else prepared.border.added_to(found)
 
 
 _EXTRA_STAGES = 7

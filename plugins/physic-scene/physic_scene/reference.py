@@ -16,6 +16,7 @@ from physic_core.body.joints import NUM_JOINTS
 from physic_core.configuration.resolve import resolve
 from physic_core.discovery.plugins import discover
 from physic_core.engine.joint.problem import OtherView
+from physic_core.pipeline.border import cut_camera, find_inside
 from physic_core.types import (
     Bodies,
     BodyParameters,
@@ -167,7 +168,11 @@ def solve_reference(given: ReferenceInput, config: Config, errors: KeypointSetti
     """
     plain = config.model_copy(update={"photo": type(config.photo)()})
     own_bodies = select_people(given.bodies, np.arange(len(given.result.people)))
-    backends = {"body_estimator": SolvedBodies.of(own_bodies), "metric_depth": SolvedDepth.of(given.depth)}
+    depth, inside = given.depth, find_inside(given.result.image)
+    if inside:  # the pipeline cuts the border off this photo
+        camera = cut_camera(given.camera, given.result.image.shape[:2], inside)
+        depth = replace(depth, depth=depth.depth[inside], intrinsics=camera)
+    backends = {"body_estimator": SolvedBodies.of(own_bodies), "metric_depth": SolvedDepth.of(depth)}
     plan = resolve(plain, discover(), backends)
     own = replace(plan, given_engine=with_other_views(plan.engine, given.alone, errors))
     prompt = None

@@ -1,0 +1,119 @@
+"""Borders of one colour: the picture inside is reconstructed, and the result is in px of the whole photo."""
+
+from __future__ import annotations
+
+import io
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from physic_core import reconstruct
+from physic_core.configuration.model import PhotoSettings
+from physic_core.io.photo import Photo
+from physic_core.pipeline.border import find_inside
+from physic_core.pipeline.prepared_photo import prepare_photo
+from physic_core.types import KnownLength, KnownSizes, PeoplePrompt
+from physic_testing.worlds import build_world
+
+# top, bottom, left, right as shares of the photo's sides, and the colour.
+BORDERS = {
+    "bars of a screenshot": (0.4, 0.35, 0, 0, 0),
+    "a strip at one side": (0, 0, 0, 0.6, 255),
+    "a frame of 10 %": (0.1, 0.1, 0.1, 0.1, 255),
+}
+
+
+def textured(height: int, width: int, seed: int = 0) -> np.ndarray:
+    """A picture of smooth patches between 40 and 215."""
+    small = np.random.default_rng(seed).uniform(40, 215, (height // 20, width // 20, 3))
+    return cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR).astype(np.uint8)
+
+
+def with_border(image: np.ndarray, name: str) -> tuple[np.ndarray, tuple[slice, slice]]:
+    *shares, colour = BORDERS[name]
+    height, width = image.shape[:2]
+    top, bottom, left, right = (
+        round(share * side) for share, side in zip(shares, (height, height, width, width), strict=True)
+    )
+    whole = np.full((height + top + bottom, width + left + right, 3), colour, np.uint8)
+    inside = slice(top, top + height), slice(left, left + width)
+    whole[inside] = image
+    return whole, inside
+
+
+def as_jpeg(image: np.ndarray) -> np.ndarray:
+    file = io.BytesIO()
+    Image.fromarray(image).save(file, "JPEG", quality=85)
+    return np.asarray(Image.open(file))
+
+
+@pytest.mark.parametrize("name", BORDERS)
+def test_a_border_is_found_also_in_a_jpeg(name: str) -> None:
+    whole, inside = with_border(textured(240, 320), name)
+    assert find_inside(whole) == inside
+    found = find_inside(as_jpeg(whole))
+    assert found is not None
+    for part, true in zip(found, inside, strict=True):
+        assert (part.start, part.stop) == pytest.approx((true.start, true.stop), abs=1)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("ground", [0, 255])
+def test_a_person_on_plain_ground_is_not_cut(ground: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    person = np.zeros((480, 360), np.uint8)
+    shoulders, top = rng.integers(60, 150), int(rng.integers(60, 140))
+    cv2.ellipse(person, (180, top + 40), (int(rng.integers(25, 60)), 45), 0, 0, 360, 255, -1)
+    cv2.rectangle(person, (180 - shoulders, top + 90), (180 + shoulders, 480), 255, -1)
+    share = cv2.GaussianBlur(person, (0, 0), 2)[..., None] / 255
+    photo = (share * textured(480, 360, seed) + (1 - share) * ground).astype(np.uint8)
+    assert find_inside(photo) is None
+    assert find_inside(as_jpeg(photo)) is None
+
+
+def test_a_sky_over_a_straight_horizon_is_not_cut() -> None:
+    photo = textured(240, 320)
+    photo[:60] = 225 + np.random.default_rng(0).integers(-12, 13, (60, 320, 1))
+    assert find_inside(photo) is None
+
+
+def test_the_users_pixels_are_those_of_the_whole_photo() -> None:
+    whole, (rows, columns) = with_border(textured(240, 320), "a frame of 10 %")
+    y, x = rows.start, columns.start
+    mask = np.zeros((1, *whole.shape[:2]), bool)
+    mask[0, y + 50 : y + 90, x + 20 : x + 40] = True
+    given = PeoplePrompt(((x + 30.0, y + 60.0),), ((x + 5.0, y + 5.0, x + 95.0, y + 105.0),), mask)
+    known = KnownSizes(lengths=(KnownLength((x + 1.0, y + 2.0), (x + 11.0, y + 2.0), 0.5),))
+    prepared = prepare_photo(Photo(whole), PhotoSettings(focal_px=400), given, known)
+    assert prepared.people is not None
+    assert prepared.people.masks is not None
+    assert prepared.people.points == ((30.0, 60.0),)
+    assert prepared.people.boxes == ((5.0, 5.0, 95.0, 105.0),)
+    assert prepared.people.masks[0, 50:90, 20:40].all()
+    assert prepared.people.masks.sum() == mask.sum()
+    assert prepared.known.lengths[0].start == (1.0, 2.0)
+    camera = prepared.photo.intrinsics
+    assert camera is not None
+    assert (camera.fx, camera.cx, camera.cy, camera.width, camera.height) == (400, 159.5, 119.5, 320, 240)
+
+
+@pytest.mark.parametrize("name", BORDERS)
+def test_a_result_is_that_of_the_picture_inside_in_px_of_the_whole(name: str) -> None:
+    image = build_world("stand").image
+    whole, inside = with_border(image, name)
+    plain, found = reconstruct(image, "mock"), reconstruct(whole, "mock")
+    np.testing.assert_array_equal(found.image, whole)
+    assert (found.intrinsics.height, found.intrinsics.width) == found.scene.valid.shape == whole.shape[:2]
+    assert not np.delete(found.scene.valid, np.r_[inside[0]], axis=0).any()
+    assert any("border" in note for note in found.notes)
+    left, top = inside[1].start, inside[0].start
+    for one, alone in zip(found.people, plain.people, strict=True):
+        np.testing.assert_allclose(one.vertices, alone.vertices, atol=1e-4)
+        np.testing.assert_array_equal(one.mask[inside], alone.mask)
+        assert one.mask.sum() == alone.mask.sum()
+        np.testing.assert_allclose(one.box, alone.box + np.array([left, top, left, top]), atol=1e-3)
+        np.testing.assert_allclose(one.keypoints, alone.keypoints + np.array([left, top]), atol=1e-3)
+    offset = found.intrinsics.cx - plain.intrinsics.cx, found.intrinsics.cy - plain.intrinsics.cy
+    assert offset == pytest.approx((left, top))
