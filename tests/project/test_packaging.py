@@ -90,7 +90,7 @@ MODULES = {"opencv-python-headless": "cv2", "pillow": "PIL", "ray[data]": "ray",
 """Import names that are not the distribution's."""
 THROUGH_OTHERS = {
     "physic-onnx": {"onnxruntime"},  # physic-core
-    "physic-serve": {"python-multipart"},  # fastapi
+    "physic-serve": {"jinja2", "python-multipart"},  # starlette
     "physic-omnieraser": {"accelerate", "peft", "protobuf", "sentencepiece", "transformers"},  # diffusers
 }
 """Requirements that another library imports for us."""

@@ -44,7 +44,7 @@ CANNOT_RUN_CODE = {
     "a page of another site, while `physic view` or `physic serve` runs": (
         "plugins/physic-viewer/tests/test_viewer.py::test_the_websocket_of_another_site_gets_no_result",
         "plugins/physic-viewer/tests/test_viewer.py::test_only_the_names_and_addresses_of_this_machine_are_answered",
-        "plugins/physic-serve/tests/test_app.py::test_a_foreign_or_malformed_host_or_origin_is_refused",
+        "plugins/physic-serve/tests/test_app.py::test_a_page_of_another_site_can_send_and_read_nothing",
     ),
     "`report.html`, made from names and results of others": (
         "plugins/physic-viewer/tests/test_report.py::test_only_the_scripts_of_the_page_may_run",
@@ -158,9 +158,9 @@ READ = {
     ),
 }
 LIMITS = {
-    "`physic batch --timeout` and `physic serve --timeout` end a photo that takes longer": (
+    "`physic batch --timeout` ends a photo that takes longer, and a button of `physic serve` stops one": (
         "tests/attacks/test_hostile_backends.py::test_a_worker_that_hangs_is_ended_and_the_others_go_on",
-        "plugins/physic-serve/tests/test_worker.py::test_a_photo_that_takes_too_long_is_ended",
+        "plugins/physic-serve/tests/test_worker.py::test_a_photo_that_hangs_can_be_stopped",
     ),
 }
 

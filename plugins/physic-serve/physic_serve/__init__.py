@@ -1,4 +1,4 @@
-"""The command ``physic serve``: reconstruct photos that are uploaded in a browser or by a program."""
+"""The command ``physic serve``: a page in the browser that reconstructs photos on this computer."""
 
 from __future__ import annotations
 
@@ -10,4 +10,4 @@ __all__ = ["physic_commands"]
 @hookimpl
 def physic_commands() -> list[CommandRecord]:
     """Return the command "serve"."""
-    return [CommandRecord("serve", "physic_serve.command:serve", "Serve a page and an HTTP interface for photos.")]
+    return [CommandRecord("serve", "physic_serve.command:serve", "Reconstruct photos on a page in the browser.")]

@@ -1,116 +1,81 @@
-"""A server without a model: its worker is scripted, or a process with a stand-in for the pipeline."""
+"""A server without a model: its worker is scripted."""
 
 from __future__ import annotations
 
-import io
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
-from PIL import Image
 from starlette.testclient import TestClient
 
 from physic_serve.app import make_app
 from physic_serve.jobs import Jobs
-from physic_serve.settings import Limits
 from physic_serve.worker import Message, Task
+
+PHOTO = b"\xff\xd8\xff a photo"
 
 
 class ScriptedWorker:
-    """In place of the process: each task waits for ``release``, then writes a file, or ends as ``outcome`` says."""
+    """In place of the process: each task waits for ``release``, then writes files, or ends as ``outcome`` says."""
 
     def __init__(self) -> None:
         self.tasks: list[Task] = []
         self.release = threading.Event()
         self.outcome: Callable[[Task], Message] = self.write
-        self.ended = False
-
-    @property
-    def alive(self) -> bool:
-        return not self.ended
+        self.alive = True
 
     def write(self, task: Task) -> Message:
-        (task.folder / "preview.png").write_bytes(b"picture")
-        (task.folder / "report.html").write_text("<p>report</p>")
-        return Message("done", {"people": 2, "grade": "good"})
+        for name in ("preview.png", "report.html", "combined.glb", "other.ply"):
+            (task.folder / name).write_text(name)
+        return Message("done", {"grade": "good", "missing_exports": {"mjcf": "the result has no floor"}})
 
-    def send(self, task: Task) -> None:
+    def reconstruct(self, task: Task) -> Iterator[Message]:
         self.tasks.append(task)
-
-    def receive(self) -> Iterator[Message | None]:
-        yield Message("ready")
-        done = 0
-        while not self.ended:
-            if len(self.tasks) == done:
-                yield None
-                continue
-            task = self.tasks[done]
-            yield Message("stage", ("people", 0, 2))
-            while not self.release.wait(0.01) and not self.ended:
-                yield None
-            yield Message("stage", ("scene", 1, 2))
-            yield self.outcome(task)
-            done += 1
+        yield Message("stage", ("people", 0, 2))
+        while not self.release.wait(0.01) and self.alive:
+            pass
+        yield self.outcome(task) if self.alive else Message("failed", "the process ended")
 
     def end(self) -> None:
-        self.ended = True
+        self.alive = False
 
 
 class Served:
-    """Client, queue and the workers that have been started."""
+    """A browser, and the workers that have been started."""
 
-    def __init__(self, folder: Path, limits: Limits) -> None:
+    def __init__(self, folder: Path) -> None:
         self.workers: list[ScriptedWorker] = []
         self.release = threading.Event()
-        self.jobs = Jobs(folder, self._open, limits)
-        self.jobs.start()
-        self.app = make_app(self.jobs, frozenset({"testserver"}))
-        self.client = TestClient(self.app, raise_server_exceptions=True)
+        self.jobs = Jobs(folder, self._open)
+        self.client = self.browser()
+
+    def browser(self) -> TestClient:
+        example = Path(__file__)
+        return TestClient(make_app(self.jobs, ("testserver", "[::1]"), {"an-example.jpg": example}))
 
     def _open(self) -> Any:
         self.workers.append(ScriptedWorker())
         self.workers[-1].release = self.release
         return self.workers[-1]
 
-    def post(self, photo: bytes | None = None, **settings: Any) -> Any:
-        return self.client.post("/reconstructions", content=PHOTO if photo is None else photo, **settings)
+    def post(self, name: str = "photo.jpg", content: bytes = PHOTO, **settings: str) -> str:
+        """Send a photo, and return the address of its page."""
+        posted = self.client.post("/jobs", files={"photo": (name, content)}, data=settings, follow_redirects=False)
+        assert posted.status_code == 303
+        return str(posted.headers["location"])
 
-    def wait(self, name: str, *states: str) -> dict[str, Any]:
-        """Wait until a job is in one of the states; the workers are told not to wait."""
-        states = states or ("done", "failed")
-        for _ in range(3000):
-            found: dict[str, Any] = self.client.get(f"/reconstructions/{name}").json()
-            if found["state"] in states:
-                return found
-            time.sleep(0.01)
-        raise AssertionError(f"{name} is {found}")
-
-
-def jpeg(width: int = 80, height: int = 80) -> bytes:
-    buffer = io.BytesIO()
-    Image.fromarray(np.zeros((height, width, 3), np.uint8)).save(buffer, "JPEG")
-    return buffer.getvalue()
-
-
-PHOTO = jpeg()
+    def wait(self, page: str, text: str) -> str:
+        """Wait until a page has a text, and return it."""
+        while text not in (found := self.client.get(page).text):
+            pass
+        return found
 
 
 @pytest.fixture
-def serve(tmp_path: Path) -> Iterator[Callable[..., Served]]:
-    """Start a server with these limits; ends with the test."""
-    started: list[Served] = []
-
-    def start(**limits: Any) -> Served:
-        folder = tmp_path / f"results-{len(started)}"
-        folder.mkdir()
-        started.append(Served(folder, Limits(**limits)))
-        return started[-1]
-
-    yield start
-    for served in started:
-        served.release.set()
-        served.jobs.close()
+def served(tmp_path: Path) -> Iterator[Served]:
+    """A server that ends with the test."""
+    found = Served(tmp_path)
+    yield found
+    found.jobs.close()
