@@ -206,7 +206,7 @@ class Registry:
         from physic_core.discovery.missing_backends import explain_missing
 
         message = explain_missing(name, interface, tuple(self), self.broken, self.restriction)
-        error = BackendNotFoundError(f"{message}\nPython: {sys.executable}")
+        error = BackendNotFoundError(f"{message} (Python: {sys.executable})")
         error.__cause__ = next((b.error for b in self.broken if b.error), None)
         return error
 

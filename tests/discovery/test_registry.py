@@ -56,75 +56,52 @@ def test_a_registry_by_hand_adds_to_what_is_installed():
 @pytest.mark.parametrize(
     ("record", "said"),
     [
-        (
-            BackendRecord("inpaint", "mine", Blank, api=1),
-            "inpaint 'mine' (registered by hand) cannot be registered: no interface named 'inpaint'; "
-            "did you mean 'inpainter'?",
-        ),
-        (
-            BackendRecord("inpainter", "mine", Blank, api=2),
-            "inpainter 'mine' (registered by hand) cannot be registered: "
-            "written for version 2 of the interface inpainter, and this physic-core has version 1: upgrade physic-core",
-        ),
+        (BackendRecord("inpaint", "mine", Blank, api=1), "did you mean 'inpainter'?"),
+        (BackendRecord("inpainter", "mine", Blank, api=2), "upgrade physic-core"),
     ],
 )
 def test_a_record_that_cannot_be_used_is_not_registered(record: BackendRecord, said: str):
-    assert message(BackendError, Registry(installed=False).register, record) == said
+    assert said in message(BackendError, Registry(installed=False).register, record)
 
 
 def test_an_unknown_name_lists_installed_and_close_names_and_the_python():
     got = message(BackendNotFoundError, registry(("mock", A), ("telea", B)).get, "inpainter", "mok")
-    assert got == f"no inpainter named 'mok'; installed: mock, telea. Did you mean 'mock'?\nPython: {sys.executable}"
+    assert "installed: mock, telea. Did you mean 'mock'?" in got
+    assert sys.executable in got
 
 
 def test_an_unknown_name_of_a_known_distribution_names_the_package_to_install():
     got = message(BackendNotFoundError, registry(("mock", A)).get, "inpainter", "telea")
-    assert got == (
-        "no inpainter named 'telea'; installed: mock. 'telea' comes with physic-opencv: "
-        "`pip install -e plugins/physic-opencv` in a checkout of PhySIC\n"
-        f"Python: {sys.executable}"
-    )
+    assert "'telea' comes with physic-opencv: `pip install" in got
 
 
 def test_a_name_of_another_interface_is_reported():
     own = registry(("mock", A))
     own.register(BackendRecord("segmenter", "outline", "m:C", api=1), B)
-    got = message(BackendNotFoundError, own.get, "inpainter", "outline")
-    assert got == (f"no inpainter named 'outline'; installed: mock. 'outline' is a segmenter\nPython: {sys.executable}")
+    assert "'outline' is a segmenter" in message(BackendNotFoundError, own.get, "inpainter", "outline")
 
 
 def test_a_missing_name_beside_a_broken_plugin_names_it_and_keeps_its_cause():
     cause = ModuleNotFoundError("No module named 'x'")
     broken = BrokenPlugin(Origin("c", "physic-c", "0.3"), "ModuleNotFoundError: No module named 'x'", cause)
-    with pytest.raises(BackendNotFoundError) as caught:
+    with pytest.raises(BackendNotFoundError, match=r"Broken plugins: physic-c 0\.3") as caught:
         registry(("mock", A), broken=[broken]).get("inpainter", "fancy")
-    assert str(caught.value) == (
-        "no inpainter named 'fancy'; installed: mock. "
-        "Broken plugins: physic-c 0.3 (ModuleNotFoundError: No module named 'x')\n"
-        f"Python: {sys.executable}"
-    )
     assert caught.value.__cause__ is cause
 
 
 def test_a_restriction_is_mentioned_when_a_name_is_missing():
     got = message(BackendNotFoundError, registry(("mock", A), restriction="physic-a").get, "inpainter", "fancy")
-    assert got == (
-        "no inpainter named 'fancy'; installed: mock. "
-        "PHYSIC_PLUGINS='physic-a' hides every other plugin: unset it, or add to it\n"
-        f"Python: {sys.executable}"
-    )
+    assert "PHYSIC_PLUGINS='physic-a' hides every other plugin" in got
 
 
 def test_two_claims_to_one_name_are_refused_and_both_are_named():
     got = message(BackendError, registry(("x", B), ("x", A)).get, "inpainter", "x")
-    assert got == (
-        "physic-a 1.0 and physic-b 2.0 each offer an inpainter named 'x': write 'physic-a:x' or 'physic-b:x' to choose"
-    )
+    assert "write 'physic-a:x' or 'physic-b:x' to choose" in got
 
 
 def test_a_name_registered_twice_by_one_distribution_differs_from_two_distributions():
     got = message(BackendError, registry(("x", A), ("x", A)).get, "inpainter", "x")
-    assert got == "physic-a 1.0 offers an inpainter named 'x' 2 times: its author has to remove all but one"
+    assert "physic-a 1.0 offers an inpainter named 'x' 2 times" in got
 
 
 @pytest.mark.parametrize("written", ["physic-b:x", "Physic_B:x"])
@@ -134,27 +111,17 @@ def test_distribution_and_name_choose_among_rivals(written: str):
 
 def test_a_name_of_another_distribution_names_its_distribution():
     got = message(BackendNotFoundError, registry(("x", A), ("y", B)).get, "inpainter", "physic-b:x")
-    assert got == f"no inpainter named 'physic-b:x'; installed: x, y. 'x' comes from physic-a\nPython: {sys.executable}"
+    assert "'x' comes from physic-a" in got
 
 
 def test_a_name_of_a_distribution_that_is_not_installed_names_the_package_to_install():
-    own = registry(("embedded", A))
-    got = message(BackendNotFoundError, own.get, "inpainter", "physic-embedded:embedded")
-    assert got == (
-        "no inpainter named 'physic-embedded:embedded'; installed: embedded. "
-        "'embedded' comes with physic-embedded, which is not installed: "
-        "`pip install -e plugins/physic-embedded` in a checkout of PhySIC\n"
-        f"Python: {sys.executable}"
-    )
-    hidden = registry(("embedded", A), restriction="physic-a")
-    assert message(BackendNotFoundError, hidden.get, "inpainter", "physic-embedded:embedded") == (
-        "no inpainter named 'physic-embedded:embedded'; installed: embedded. "
-        "PHYSIC_PLUGINS='physic-a' hides every other plugin: unset it, or add to it. "
-        "'embedded' comes with physic-embedded: add physic-embedded to it, if need be after "
-        f"`pip install -e plugins/physic-embedded` in a checkout of PhySIC\nPython: {sys.executable}"
-    )
+    own, hidden = registry(("embedded", A)), registry(("embedded", A), restriction="physic-a")
+    for found in (own, hidden):
+        got = message(BackendNotFoundError, found.get, "inpainter", "physic-embedded:embedded")
+        assert "'embedded' comes with physic-embedded" in got
+        assert "`pip install -e plugins/physic-embedded`" in got
     misspelt = message(BackendNotFoundError, own.get, "inpainter", "physic-embeded:embedded")
-    assert "Did you mean 'physic-embedded:embedded'?\n" in misspelt
+    assert "Did you mean 'physic-embedded:embedded'?" in misspelt
 
 
 def test_a_backend_with_a_problem_is_refused_with_it():
@@ -187,50 +154,37 @@ def test_a_class_is_called_by_its_target_and_says_its_interface(site):
 
 
 def test_a_class_that_is_called_but_is_no_backend_is_refused():
-    assert message(BackendError, Registry(installed=False).find_by_name, "no_such_module:C") == (
-        "'no_such_module:C' cannot be imported: ModuleNotFoundError: No module named 'no_such_module'; "
-        "put no_such_module.py beside the config, or its folder into PYTHONPATH"
-    )
+    missing = message(BackendError, Registry(installed=False).find_by_name, "no_such_module:C")
+    assert "put no_such_module.py beside the config" in missing
     for no_backend in ("json:dumps", "physic_core.interfaces:Backend"):
-        assert message(BackendError, Registry(installed=False).find_by_name, no_backend) == (
-            f"'{no_backend}' should be a subclass of one class of physic_core.interfaces: Segmenter, Inpainter, "
-            "MetricDepth, RelativePointmap, KeypointDetector, BodyEstimator, HandEstimator, ContactPrior, CameraSolver"
-        )
+        said = message(BackendError, Registry(installed=False).find_by_name, no_backend)
+        assert "should be a subclass of one class of physic_core.interfaces: Segmenter, Inpainter" in said
 
 
 @pytest.mark.parametrize(
     ("target", "expected"),
     [
-        (
-            "no_such_module:C",
-            "ModuleNotFoundError: No module named 'no_such_module'; "
-            "put no_such_module.py beside the config, or its folder into PYTHONPATH",
-        ),
-        ("json:Nothing", "AttributeError: module 'json' has no attribute 'Nothing'"),
+        ("no_such_module:C", "put no_such_module.py beside the config, or its folder into PYTHONPATH"),
+        ("json:Nothing", "module 'json' has no attribute 'Nothing'"),
     ],
 )
 def test_a_target_that_cannot_be_imported_keeps_its_cause(target: str, expected: str):
     own = Registry(installed=False)
-    got = message(BackendError, own.load_class, own.get("inpainter", target))
-    assert got == f"inpainter '{target}' (named in the config) cannot be imported from {target}: {expected}"
+    assert expected in message(BackendError, own.load_class, own.get("inpainter", target))
 
 
 @pytest.mark.parametrize(
     ("source", "expected"),
     [
         ("import sys; sys.exit(3)", "SystemExit: 3 (my_failing_module.py:1)"),
-        (
-            "import no_such_module",
-            "ModuleNotFoundError: No module named 'no_such_module' (my_failing_module.py:1)",
-        ),
+        ("import no_such_module", "'no_such_module' (my_failing_module.py:1)"),
     ],
 )
-def test_a_target_whose_module_fails_names_its_distribution(tmp_path, monkeypatch, source: str, expected: str):
+def test_a_target_whose_module_fails_names_its_line(tmp_path, monkeypatch, source: str, expected: str):
     (tmp_path / "my_failing_module.py").write_text(source)
     monkeypatch.syspath_prepend(tmp_path)
-    target, own = "my_failing_module:C", Registry(installed=False)
-    got = message(BackendError, own.load_class, own.get("inpainter", target))
-    assert got == f"inpainter '{target}' (named in the config) cannot be imported from {target}: {expected}"
+    own = Registry(installed=False)
+    assert expected in message(BackendError, own.load_class, own.get("inpainter", "my_failing_module:C"))
 
 
 def test_the_catalog_says_what_the_first_party_plugins_register():
