@@ -51,14 +51,14 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
         missing_gpu,
         named_weights,
         resolve,
-        size_warnings,
     )
     from physic_core.discovery.plugins import discover
+    from physic_core.weights.find import size_mismatches
 
     registry = discover()
     found = load_checked_config(registry, file, preset=preset, overrides=overrides)
     plan = resolve(found, registry)
-    files, device, further = missing_file_messages(plan), missing_gpu(plan), size_warnings(plan, registry)
+    files, device, sets = missing_file_messages(plan), missing_gpu(plan), named_weights(plan, registry)
     path = found.body_model.path
     if path is not None and Path(path).exists():
         from physic_core.body import load_body
@@ -69,11 +69,12 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
         echo(format_missing((*files, *device), "; a run would stop"))
     if files and preset:
         echo(f"`physic setup {preset}` prints the steps to get them")
-    here = [file for weights in named_weights(plan, registry) for file in weights.files]
-    if files and (unpinned := sum(not file.is_pinned for file in here)):
-        echo(f"note: {unpinned} of {len(here)} weight files are published without a SHA-256 or a revision")
-    for text in further:
-        echo(f"note: {text}")
+    pinned = [file.is_pinned for weights in sets for file in weights.files]
+    if files and not all(pinned):
+        echo(f"note: {pinned.count(False)} of {len(pinned)} weight files are published without a SHA-256 or a revision")
+    for weights in sets:
+        if text := size_mismatches(weights):
+            echo(f"note: weights '{weights.name}' were found, but {text}")
     ctx.exit(WEIGHTS if files else USAGE if device else 0)
 
 

@@ -106,8 +106,7 @@ def resolve(
     given = {name: _given_in_python(name, backend, registry) for name, backend in (backends or {}).items()}
     choices = {name: config.choice(name) for name in PHOTO_INTERFACES if name not in given}
     found = {name: _construct(*one) for name, one in _select(choices, registry, config.source).items()} | given
-    used = {name: one.provenance for name, one in given.items()}
-    config = config.with_backends({name: (who.backend, who.options) for name, who in used.items()})
+    config = config.with_backends({n: (one.provenance.backend, one.provenance.options) for n, one in given.items()})
     return ResolvedPipeline(
         backends=MappingProxyType({name: found[name] for name in PHOTO_INTERFACES if name in found}),
         photo=config.photo,
@@ -186,18 +185,6 @@ def format_missing(texts: Sequence[str], end: str) -> str:
     """Format messages about missing files and devices as an indented list below a heading."""
     head = "1 thing is missing" if len(texts) == 1 else f"{len(texts)} things are missing"
     return "\n".join([f"{head}{end}:", *("  " + text.replace("\n", "\n    ") for text in texts)])
-
-
-def size_warnings(plan: ResolvedPipeline, registry: Registry) -> tuple[str, ...]:
-    """Return warnings about weight files of another size than the published one; no file is read.
-
-    Raises:
-        BackendError: the manifest of a plugin is invalid.
-    """
-    from physic_core.weights.find import size_mismatches
-
-    mismatches = ((weights.name, size_mismatches(weights)) for weights in named_weights(plan, registry))
-    return tuple(f"weights '{name}' were found, but {text}" for name, text in mismatches if text)
 
 
 def named_weights(plan: ResolvedPipeline, registry: Registry) -> tuple[WeightSet, ...]:
