@@ -8,6 +8,7 @@ from torch import Tensor
 from physic_core.engine.distances import lowest_height, root_relative
 from physic_core.engine.joint.term import RobustLoss
 from physic_core.engine.joint.terms.depth import MIN_DEPTH_M
+from physic_core.engine.joint.terms.penetration import SLACK_M
 from physic_core.engine.joint.terms.surface import SURFACE_ENERGIES, SurfaceInputs
 from physic_core.geometry.plane import height_over_plane
 from physic_paper.terms.printed_regularisation import mesh_energy
@@ -79,7 +80,7 @@ def reference_surface_energies(
         energies["contact"] = contact_energy((distance / s.sigma).square(), s.weight, s.rho)
     if data.penetration is not None:
         s = data.penetration
-        energies["penetration"] = penetration_energy(signed, s.weight, data.penetration_slack, s.sigma, s.rho)
+        energies["penetration"] = penetration_energy(signed, s.weight, SLACK_M, s.sigma, s.rho)
     if data.floor is not None:
         s = data.floor
         # Invisible legs give the scale no gradient: they use the scale at the last refresh.

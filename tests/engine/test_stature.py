@@ -82,7 +82,7 @@ def test_scene_and_stature_share_a_disagreement_as_two_measurements_do(standing,
         scene_scale__weight=1.0,
     )
     result = optimize(large, settings)
-    precision = settings.regularisation.shape_weight / spread_of_stature(body) ** 2 + stature_weight / STATURE_SIGMA**2
+    precision = 1 / spread_of_stature(body) ** 2 + stature_weight / STATURE_SIGMA**2
     expected = -math.log(too_large) * scale_sigma**2 / (scale_sigma**2 + 1 / precision)
     grown = math.log(float(body.stature(result.betas)) / float(body.stature(problem.betas0)))
     assert math.log(result.scene_scale) == pytest.approx(expected, abs=0.01)

@@ -12,6 +12,12 @@ from physic_core.engine.joint.robust_sum import RobustSum
 from physic_core.engine.joint.term import Snapshot
 from physic_core.types.bounds import NotNegative, Positive
 
+SLACK_M = 0.005
+"""Depth without a penalty, metres."""
+SURFACE_SIGMA_M = 0.02
+"""Expected error of the surface, metres."""
+_OUTLIER_SIGMAS = 2.0  # beyond as many the gradient is constant (pseudo-Huber)
+
 
 @dataclass(frozen=True)
 class PenetrationSettings:
@@ -21,12 +27,6 @@ class PenetrationSettings:
     """Lambda_i of Eq. 5; 0 removes the term."""
     max_depth_m: Positive = 0.15
     """Deeper vertices are skipped, metres."""
-    slack_m: NotNegative = 0.005
-    """Depth without a penalty, metres."""
-    sigma_m: Positive = 0.02
-    """Expected error of the surface, metres."""
-    outlier_sigmas: Positive = 2.0
-    """Beyond this many sigmas the gradient is constant (pseudo-Huber)."""
     people_weight: NotNegative = 3.0
     """Weight of vertices inside other people (:mod:`physic_core.engine.joint.terms.people`), relative to ``weight``; 0
     skips it."""
@@ -53,8 +53,11 @@ class PenetrationTerm:
         self.weights = {"penetration": torch.where(near, area, torch.zeros_like(area))}
 
     def robust_sum(self) -> RobustSum | None:
-        """Return the robust sum over penetration depths beyond ``slack_m``; None if the term is off."""
-        s = self.settings
-        if not s.weight:
-            return None
-        return RobustSum.of("pseudo_huber", s.outlier_sigmas, s.sigma_m, s.weight * self.weights["penetration"])
+        """Return the robust sum over penetration depths beyond ``SLACK_M``; None if the term is off."""
+        weight = self.settings.weight
+        return robust_depths(weight * self.weights["penetration"]) if weight else None
+
+
+def robust_depths(weight: Tensor) -> RobustSum:
+    """Return the robust sum over depths inside a surface, with the weight of each."""
+    return RobustSum.of("pseudo_huber", _OUTLIER_SIGMAS, SURFACE_SIGMA_M, weight)

@@ -16,7 +16,7 @@ from physic_core.engine.joint.people_pairs import PeoplePairs, find_people_pairs
 from physic_core.engine.joint.robust_sum import RobustSum
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
 from physic_core.engine.joint.terms.contact import ContactTermSettings
-from physic_core.engine.joint.terms.penetration import PenetrationSettings
+from physic_core.engine.joint.terms.penetration import SLACK_M, SURFACE_SIGMA_M, PenetrationSettings, robust_depths
 
 _TOUCHING_PARTS = ("left_hand", "right_hand")
 _REACH_M = 0.06  # of the search, for vertices that are deep inside
@@ -33,14 +33,12 @@ class PairEnergies(torch.autograd.Function):
     """
 
     @staticmethod
-    def forward(
-        ctx: Any, vertices: Tensor, pairs: PeoplePairs, slack_m: float, apart: RobustSum, touch: RobustSum
-    ) -> Tensor:
+    def forward(ctx: Any, vertices: Tensor, pairs: PeoplePairs, apart: RobustSum, touch: RobustSum) -> Tensor:
         count = vertices.shape[1]
         flat, rows = vertices.reshape(-1, 3), pairs.person * count + pairs.row
         other_rows = pairs.other * count + pairs.other_row
         distance = ((flat[rows] - flat[other_rows]) * pairs.normal).sum(-1)
-        inside, by_inside = apart.values_and_slopes(torch.relu(-distance - slack_m))
+        inside, by_inside = apart.values_and_slopes(torch.relu(-distance - SLACK_M))
         gap, by_gap = touch.values_and_slopes(torch.relu(distance))
         ctx.vertices, ctx.rows, ctx.other_rows, ctx.pairs = vertices.shape, rows, other_rows, pairs
         ctx.slope = by_gap - by_inside
@@ -52,7 +50,7 @@ class PairEnergies(torch.autograd.Function):
         force = (gradients[0][ctx.pairs.person] * ctx.slope)[:, None] * ctx.pairs.normal
         by_vertex = force.new_zeros(ctx.vertices).reshape(-1, 3)
         by_vertex.index_add_(0, ctx.rows, force).index_add_(0, ctx.other_rows, -force)
-        return by_vertex.reshape(ctx.vertices), None, None, None, None
+        return by_vertex.reshape(ctx.vertices), None, None, None
 
 
 class PeopleTerm(Term):
@@ -60,14 +58,13 @@ class PeopleTerm(Term):
 
     Args:
         contact: its weights are used.
-        penetration: its weights, slack and expected error are used.
+        penetration: its weights are used.
         context: constants of the optimisation.
     """
 
     def __init__(self, contact: ContactTermSettings, penetration: PenetrationSettings, context: JointContext) -> None:
         self._touch_weight = contact.weight * contact.people_weight
         self._apart_weight = penetration.weight * penetration.people_weight
-        self._penetration = penetration
         self._is_on = bool(self._touch_weight or self._apart_weight) and len(context.area) > 1
         self.pairs: PeoplePairs
         if self._is_on:
@@ -90,9 +87,8 @@ class PeopleTerm(Term):
         kept = touches | (found.distance < _NEARLY_INSIDE_M)
         self.pairs, touches = found.select(kept), touches[kept]
         area = self._probes.area[self.pairs.person, self.pairs.probe]
-        sigma_m, outlier_sigmas = self._penetration.sigma_m, self._penetration.outlier_sigmas
-        self._apart = RobustSum.of("pseudo_huber", outlier_sigmas, sigma_m, self._apart_weight * area)
-        self._touch = RobustSum.of("geman_mcclure", _GAP_SIGMAS, sigma_m, self._touch_weight * area * touches)
+        self._apart = robust_depths(self._apart_weight * area)
+        self._touch = RobustSum.of("geman_mcclure", _GAP_SIGMAS, SURFACE_SIGMA_M, self._touch_weight * area * touches)
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy of the pairs; zero if no vertices are near each other."""
@@ -101,6 +97,6 @@ class PeopleTerm(Term):
         pairs, energy = self.pairs, torch.zeros_like(bodies.vertices[:, 0, 0])
         if len(pairs):
             energy = PairEnergies.apply(  # type: ignore[no-untyped-call]
-                bodies.vertices, pairs, self._penetration.slack_m, self._apart, self._touch
+                bodies.vertices, pairs, self._apart, self._touch
             )
         return {"people": energy}

@@ -12,6 +12,10 @@ from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Snapshot
 from physic_core.types.bounds import NotNegative, Positive
 
+_OCCLUDED_WEIGHT = 0.05  # of hidden vertices, and of those on invisible limbs
+_PARAMETER_WEIGHTS = {"root": 0.3, "pose": 1.0, "hands": 1.0, "betas": 1.0, "offset": 1.0}
+"""Weights of the deviations of each group of parameters from the start."""
+
 
 @dataclass(frozen=True)
 class RegularisationSettings:
@@ -21,16 +25,6 @@ class RegularisationSettings:
     """Expected change of a vertex of weight 1, root-relative, metres."""
     visible_weight: NotNegative = 0.01
     """Weight of visible vertices."""
-    occluded_weight: NotNegative = 0.05
-    """Weight of hidden vertices and those on invisible limbs."""
-    root_weight: NotNegative = 0.3
-    """Weight of the root's rotation."""
-    pose_weight: NotNegative = 1.0
-    """Weight of the rotations of the other joints."""
-    hands_weight: NotNegative = 1.0
-    """Weight of the rotations of the fingers."""
-    shape_weight: NotNegative = 1.0
-    """Weight of the shape."""
     translation_weight: NotNegative = 0.05
     """Weight of the translation."""
 
@@ -63,14 +57,7 @@ class RegularisationTerm:
         self._settings, self._context, self._occlusion_aware = settings, context, occlusion_aware
         self._photos = context.problem.photos
         self._prior_weight = state.expand_to_parameters(
-            {
-                "root": settings.root_weight,
-                "pose": settings.pose_weight,
-                "hands": settings.hands_weight,
-                "betas": settings.shape_weight,
-                "translation": settings.translation_weight,
-                "offset": 1.0,
-            }
+            _PARAMETER_WEIGHTS | {"translation": settings.translation_weight}
         )
         self.weights: dict[str, Tensor] = {}
 
@@ -78,7 +65,7 @@ class RegularisationTerm:
         """Update the weights of visible and hidden vertices."""
         s = self._settings
         weight = vertex_weights(
-            snapshot, s.visible_weight, s.occluded_weight, self._context.area, occlusion_aware=self._occlusion_aware
+            snapshot, s.visible_weight, _OCCLUDED_WEIGHT, self._context.area, occlusion_aware=self._occlusion_aware
         )
         self.weights = {"regularisation": self._photos[:, None] * weight / s.sigma_m**2}
 

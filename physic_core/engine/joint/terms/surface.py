@@ -24,7 +24,7 @@ from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
 from physic_core.engine.joint.terms.contact import ContactTerm
 from physic_core.engine.joint.terms.depth import MIN_DEPTH_M, DepthTerm
 from physic_core.engine.joint.terms.floor import FloorTerm
-from physic_core.engine.joint.terms.penetration import PenetrationTerm
+from physic_core.engine.joint.terms.penetration import SLACK_M, PenetrationTerm
 from physic_core.engine.joint.terms.regularisation import RegularisationTerm
 from physic_core.engine.joint.terms.soles import SoleTerm
 
@@ -43,7 +43,6 @@ class SurfaceInputs:
         mesh_weight: (B, n) of the squared deviation of a vertex from the start, in the root's frame.
         log_map_depth: (B, n) logarithm of the depth map at the vertices.
         on_scene: (B, n) bool, contact is with the scene, otherwise with the floor.
-        penetration_slack: metres.
         eligible: (B, n) bool, vertices with a gradient to the floor's scale; the others use ``last_scale``.
         relative: (B, 3, n) at the start in the root's frame, metres.
         normals: (B, 3, n) of the nearest scene points; None without a scene.
@@ -61,7 +60,6 @@ class SurfaceInputs:
     mesh_weight: Tensor
     log_map_depth: Tensor
     on_scene: Tensor
-    penetration_slack: float
     eligible: Tensor
     relative: Tensor
     normals: Tensor | None
@@ -113,7 +111,7 @@ class _SurfaceEnergies(torch.autograd.Function):
             touched = torch.where(data.on_scene, signed, height)
             energies["contact"], slopes["contact"] = data.contact.value_and_slope(touched)
         if data.penetration is not None:
-            inside = torch.relu(-signed - data.penetration_slack)
+            inside = torch.relu(-signed - SLACK_M)
             energies["penetration"], slopes["penetration"] = data.penetration.value_and_slope(inside)
         if data.floor is not None:
             last = over + unit * (data.floor_offset * data.last_scale)
@@ -227,7 +225,6 @@ class SurfaceTerms(Term):
             mesh_weight=self.weights["regularisation"],
             log_map_depth=parts.depth.log_map_depth,
             on_scene=parts.contact.on_scene,
-            penetration_slack=parts.penetration.settings.slack_m,
             eligible=snapshot.visibility.eligible,
             relative=context.relative.transpose(1, 2).contiguous(),
             normals=contacts.normals.transpose(1, 2).contiguous() if contacts.normals is not None else None,
