@@ -18,9 +18,7 @@ _COMMANDS = {
         "physic_core.cli.weights:list_weights",
         "List all weight sets: size, licence, and whether they are installed.",
     ),
-    "show": ("physic_core.cli.weights:show_weights", "Show the licence, files and sources of a weight set."),
     "verify": ("physic_core.cli.weights:verify", "Compare files with their published sizes and SHA-256."),
-    "where": ("physic_core.cli.weights:where", "Print only the path of a weight set or one of its files."),
 }
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 _USE = {True: "yes", False: "NO", None: "not stated"}
@@ -39,7 +37,10 @@ def weights() -> None:
 @click.option("--missing", is_flag=True, help="Only sets that are missing, incomplete or of unexpected size.")
 @_JSON
 def list_weights(missing: bool, as_json: bool) -> None:
-    """List all weight sets: plugin, size, licence, and whether they are on this machine."""
+    """List all weight sets: plugin, size, licence, and whether they are on this machine.
+
+    With --json, also their files with sources, SHA-256 and paths on this machine.
+    """
     library = _library()
     sets = [one for one in library.sets if not (missing and _state(one) == "here")]
     if as_json:
@@ -59,18 +60,6 @@ def list_weights(missing: bool, as_json: bool) -> None:
     for origin, why in library.broken:
         rows.append(("-", origin.distribution, "-", "-", "-", "BROKEN", " ".join(why.split())))
     echo(format_table(rows) if len(rows) > 1 else "nothing is missing" if missing else "no plugin lists weights")
-
-
-@click.command("show")
-@click.argument("name")
-@_JSON
-def show_weights(name: str, as_json: bool) -> None:
-    """Show the weight set NAME: licence, files, sources, and their paths or the searched folders."""
-    one = _library().get(name)
-    if as_json:
-        echo_json(_as_dict(one))
-    else:
-        echo(_details(one))
 
 
 @click.command()
@@ -123,21 +112,6 @@ def verify(ctx: click.Context, names: tuple[str, ...], as_json: bool) -> None:
     ctx.exit(WEIGHTS if any(row["state"] != "ok" for row in rows) else 0)
 
 
-@click.command()
-@click.argument("name")
-@click.argument("file", required=False)
-def where(name: str, file: str | None) -> None:
-    """Print only the path of the weight set NAME, or of its FILE."""
-    from physic_core.discovery.plugins import discover
-    from physic_core.weights.find import find_weights
-    from physic_core.weights.library import read_library
-
-    manifests = discover().manifests
-    one = read_library(manifests).get(name)
-    manifest = next(m for m in manifests if m.origin == one.origin)
-    echo(find_weights(manifest.path, one.weights.name, file))
-
-
 def _library() -> WeightLibrary:
     from physic_core.discovery.plugins import discover
     from physic_core.weights.library import read_library
@@ -161,26 +135,6 @@ def _state(one: ListedWeights) -> str:
         return "in part"
     sizes = [file.bytes in (None, here.files[file.path].stat().st_size) for file in one.weights.files]
     return "here" if all(sizes) else "here, DIFFERS"
-
-
-def _details(one: ListedWeights) -> str:
-    from physic_core.weights.find import locate_files
-    from physic_core.weights.folders import describe_search_folders
-
-    found, here = one.weights, locate_files(one.weights)
-    state = _state(one)
-    lines = [f"weights '{found.name}'", f"  {found.summary}", f"  plugin      {one.origin}", found.describe_licence()]
-    lines.append(f"  state       {state}")
-    if not state.startswith("here"):
-        lines += [f"  to get it   {found.how_to_get()}", f"  searched    {describe_search_folders(found.name)}"]
-    elif found.advice:
-        lines.append(f"  advice      {found.advice}")
-    for file in found.files:
-        lines.append(f"  file        {file.path}{f' ({_size(file.bytes)})' if file.bytes is not None else ''}")
-        lines += [f"    source    {file.source}"] if file.source else []
-        lines += [f"    sha256    {file.sha256}"] if file.sha256 else []
-        lines += [f"    here      {here.files[file.path]}"] if file.path in here.files else []
-    return "\n".join(lines)
 
 
 def _as_dict(one: ListedWeights) -> dict[str, Any]:
