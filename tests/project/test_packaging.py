@@ -86,7 +86,13 @@ def test_a_source_distribution_contains_the_licence(name: str):
     assert "LICENSE" in {f.distribution_path for f in SdistBuilder(str(ALL[name])).recurse_included_files()}
 
 
-MODULES = {"opencv-python-headless": "cv2", "pillow": "PIL", "ray[data]": "ray", "usd-core": "pxr"}
+MODULES = {
+    "opencv-python-headless": "cv2",
+    "pillow": "PIL",
+    "ray[data]": "ray",
+    "rerun-sdk": "rerun",
+    "usd-core": "pxr",
+}
 """Import names that are not the distribution's."""
 THROUGH_OTHERS = {
     "physic-onnx": {"onnxruntime"},  # physic-core

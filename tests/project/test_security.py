@@ -41,9 +41,7 @@ CANNOT_RUN_CODE = {
         "plugins/physic-serve/tests/test_worker.py::test_a_photo_that_breaks_the_process_costs_itself_alone",
         "plugins/physic-serve/tests/test_app.py::test_the_name_of_the_file_is_shown_and_names_no_file",
     ),
-    "a page of another site, while `physic view` or `physic serve` runs": (
-        "plugins/physic-viewer/tests/test_viewer.py::test_the_websocket_of_another_site_gets_no_result",
-        "plugins/physic-viewer/tests/test_viewer.py::test_only_the_names_and_addresses_of_this_machine_are_answered",
+    "a page of another site, while `physic serve` runs": (
         "plugins/physic-serve/tests/test_app.py::test_a_page_of_another_site_can_send_and_read_nothing",
     ),
     "`report.html`, made from names and results of others": (

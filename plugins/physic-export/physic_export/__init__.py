@@ -1,4 +1,4 @@
-"""Formats of ``physic export`` for other programs: AMASS, BVH, GLB, MJCF, OBJ, PLY, URDF and USD."""
+"""Formats of ``physic export`` for other programs: AMASS, BVH, GLB, MJCF, OBJ, PLY, RRD, URDF and USD."""
 
 from __future__ import annotations
 
@@ -79,6 +79,18 @@ def physic_exporters() -> list[ExporterRecord]:
             "all scene points, meshes, colours, normals, contact",
             ups=("y", "z", "camera"),
             stem="points",
+            options=_SKIN,
+        ),
+        ExporterRecord(
+            "rrd",
+            (".rrd",),
+            "physic_export.rrd:export_rrd",
+            "Rerun",
+            "photo, depth, points, bodies, contact and camera on a timeline",
+            ups=("y", "z", "camera"),
+            stem="recording",
+            packages=("rerun",),
+            extra="rrd",
             options=_SKIN,
         ),
         ExporterRecord(

@@ -30,7 +30,7 @@ _PROPERTY = {"f4": "float", "u1": "uchar", "i4": "int"}
 def export_ply(request: ExportRequest) -> ExportedFiles:
     """Return one binary PLY file; its vertices have ``object``: -1 is the scene, 0, 1, ... are people."""
     skins = skins_of(request)
-    parts = [(-1, _scene_points(request))] if request.scene else []
+    parts = [(-1, scene_points(request))] if request.scene else []
     parts += list(zip(request.people, person_meshes(request, skins), strict=True))
     vertices, faces, start = [], [], 0
     for number, mesh in parts:
@@ -52,7 +52,7 @@ def export_ply(request: ExportRequest) -> ExportedFiles:
     )
 
 
-def _scene_points(request: ExportRequest) -> ColoredMesh:
+def scene_points(request: ExportRequest) -> ColoredMesh:
     """Return all valid points of the scene, and the faces between neighbours on one surface."""
     scene = request.result.scene
     matrix = request.frame.from_camera

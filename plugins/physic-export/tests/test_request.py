@@ -19,7 +19,7 @@ from physic_core.discovery.catalog import EXPORTERS
 from physic_core.errors import InputError, OutputError
 from physic_export import physic_exporters
 
-NAMES = "amass, bvh, glb, mjcf, obj, ply, urdf, usd"
+NAMES = ", ".join(EXPORTERS["physic-export"])
 
 
 def physic(*arguments: object) -> Result:

@@ -1,0 +1,63 @@
+"""RRD: Rerun's own reader finds photo, depth, points, bodies and camera, and contact as the last step."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from physic_core import Reconstruction
+from physic_core.geometry.upright import transform_points
+from physic_core.visual.export.request import export_frame
+from physic_core.visual.palette import contact_colors
+
+pytest.importorskip("rerun")
+
+
+def read(path: Path) -> dict[str, dict[str, list[Any]]]:
+    """Return entity -> component -> its rows, in the order of the steps."""
+    from rerun.chunk import RrdReader
+
+    found: dict[str, dict[str, list[Any]]] = {}
+    for chunk in RrdReader(path).stream().to_chunks():
+        columns = found.setdefault(chunk.entity_path, {})
+        for name, rows in chunk.to_record_batch().to_pydict().items():
+            columns.setdefault(name, []).extend(rows)
+    return found
+
+
+def test_rerun_reads_photo_scene_people_and_contact(export, result: Reconstruction):
+    found = read(export("a.rrd", up="camera", skin="neutral").files[0])
+    assert [row[0] for row in found["/stages"]["TextLog:text"]] == ["photo", "scene", "people", "contact"]
+    photo = Image.open(io.BytesIO(bytes(found["/world/camera/photo"]["EncodedImage:blob"][0][0])))
+    assert photo.size == (160, 120)
+    scene, valid = result.scene, result.scene.valid
+    depth = np.frombuffer(bytes(found["/world/camera/depth"]["DepthImage:buffer"][0][0]), np.float32)
+    np.testing.assert_array_equal(depth.reshape(120, 160)[valid], scene.points[valid][:, 2])
+    np.testing.assert_array_equal(found["/world/scene"]["Points3D:positions"][0], scene.points[valid])
+    assert found["/world/scene"]["stage"] == [1]
+    for index, person in enumerate(result.people):
+        body = found[f"/world/person_{index}"]
+        assert body["stage"] == [2, 3]
+        np.testing.assert_array_equal(body["Mesh3D:vertex_positions"][0], person.vertices)
+        np.testing.assert_array_equal(body["Mesh3D:triangle_indices"][0], result.faces)
+        rgb = np.stack([(np.array(body["Mesh3D:vertex_colors"][1]) >> shift) & 255 for shift in (24, 16, 8)], 1)
+        np.testing.assert_array_equal(rgb, contact_colors(person, result.contact_partners))
+
+
+def test_the_camera_stands_where_the_frame_says(export, result: Reconstruction):
+    found = read(export("a.rrd", scene=False, person=1).files[0])
+    pose = export_frame(result.scene.floor, "y").from_camera
+    camera = found["/world/camera"]
+    np.testing.assert_allclose(camera["Transform3D:translation"][0][0], pose[:3, 3], atol=1e-6)
+    np.testing.assert_allclose(np.reshape(camera["Transform3D:mat3x3"][0][0], (3, 3)).T, pose[:3, :3], atol=1e-6)
+    matrix = np.reshape(camera["Pinhole:image_from_camera"][0][0], (3, 3)).T
+    shifted = result.intrinsics.matrix + np.outer([0.5, 0.5, 0.0], [0, 0, 1])
+    np.testing.assert_allclose(matrix, shifted, rtol=1e-6)
+    vertices = transform_points(pose, result.people[1].vertices)
+    np.testing.assert_allclose(found["/world/person_1"]["Mesh3D:vertex_positions"][0], vertices, atol=1e-6)
+    assert not {"/world/scene", "/world/person_0"} & found.keys()
