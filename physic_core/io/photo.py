@@ -32,6 +32,9 @@ MIN_SIDE = 64
 
 _FOCAL_RANGE = (0.1, 100.0)  # of the long side; wider than any lens, narrower than a slip of the unit
 _KEEP_PIXELS = 24_000_000  # larger photos are read at a half, a third, ... of their size
+_PANORAMA_ASPECT = 0.01  # relative deviation from 2:1
+_PANORAMA_SIZE = (512, 256)  # at which its edges are compared, px
+_FLAT = 16  # levels by which a column that shows something varies
 _BAND_PIXELS = 4_000_000  # are converted at once: each conversion takes a copy
 _MAX_EXIF_BYTES = 1 << 20  # Pillow takes up to 50 times as much
 _UPRIGHT = {
@@ -106,6 +109,7 @@ def read_source(photo: PhotoSource) -> Photo:
         found = _read(Image.fromarray(array), ImageSource("given as an array"))
     else:
         found = Photo(check_image(photo))
+        _refuse_panorama(found.image, "", ImageSource("given as an array"))
     return replace(found, digest=image_digest(found.image))
 
 
@@ -238,6 +242,7 @@ def _read(image: Image.Image, source: ImageSource) -> Photo:
     if image.mode == "F":
         raise InputError(f"cannot use the {source}: its pixels are floating point; save it with 8 bits per channel")
     notes = list(_frame_notes(image))
+    xmp = image.info.get("xmp") or image.info.get("XML:com.adobe.xmp") or ""
     deep = _is_deep(image)  # before decoding, which discards the mode of the file
     factor = math.ceil(math.sqrt(stored[0] * stored[1] / _KEEP_PIXELS))
     if factor > 1:
@@ -257,6 +262,7 @@ def _read(image: Image.Image, source: ImageSource) -> Photo:
         rgb = np.array(Image.fromarray(rgb).transpose(_UPRIGHT[orientation]))
         notes.append("rotated upright according to the EXIF orientation")
     notes += conversions
+    _refuse_panorama(rgb, xmp, source)
     height, width = rgb.shape[:2]
     if factor > 1:
         notes.append(f"{stored[0] * stored[1] / 1e6:.0f} megapixels were read at {width} x {height} px")
@@ -264,6 +270,38 @@ def _read(image: Image.Image, source: ImageSource) -> Photo:
     notes += [text for text in (exif_note, note) if text]
     upright = stored[::-1] if swaps_sides(orientation) else stored
     return Photo(rgb, intrinsics, tuple(notes), upright if factor > 1 else None)
+
+
+def _refuse_panorama(image: UInt8Array, xmp: bytes | str, source: ImageSource) -> None:
+    """Refuse an equirectangular image (H, W, 3): 2:1, and so named in XMP data, or its edges continue each other.
+
+    Raises:
+        InputError: it is one.
+    """
+    height, width = image.shape[:2]
+    if abs(width / (2 * height) - 1) > _PANORAMA_ASPECT:
+        return
+    if "equirectangular" not in str(xmp) and not _wraps(image):
+        return
+    raise InputError(
+        f"cannot use the {source}: it is an equirectangular panorama, which no perspective camera took; cut a "
+        "perspective view with the people from it, and give that"
+    )
+
+
+def _wraps(image: UInt8Array) -> bool:
+    """Whether the first and last column of an image (H, W, 3) differ like near columns, and unlike distant ones."""
+    import cv2
+
+    columns = cv2.resize(image, _PANORAMA_SIZE, interpolation=cv2.INTER_AREA).astype(np.int16).swapaxes(0, 1)
+
+    def difference(one: int, other: int) -> float:
+        return float(np.abs(columns[one] - columns[other]).mean())
+
+    seam, near = difference(0, -1), max(difference(0, 2), difference(-1, -3))
+    distant = min(difference(0, 32), difference(-1, -33))
+    flat = min(columns[i].std(0).mean() for i in (0, -1)) < _FLAT
+    return not flat and seam < 2 * near and 2 * seam < distant
 
 
 def _decode_without_end_marker(image: Image.Image, source: ImageSource) -> Image.Image:

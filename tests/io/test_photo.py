@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from physic_core.errors import InputError
-from physic_core.io.photo import Photo, check_image, limit_size, read_photo
+from physic_core.io.photo import Photo, check_image, limit_size, read_photo, read_source
 from physic_core.types import Intrinsics
 
 WIDTH, HEIGHT = 96, 72
@@ -489,3 +489,50 @@ def test_a_bad_array_is_refused(image, message):
     with pytest.raises(InputError) as caught:
         check_image(image)
     assert str(caught.value) == message
+
+
+# --- panoramas -----------------------------------------------------------------------------------------------------
+
+
+def panorama(*, wraps: bool) -> np.ndarray:
+    """A picture (256, 512) of smooth patches with the noise of a camera; its first column continues its last or not."""
+    rng = np.random.default_rng(0)
+    patches = Image.fromarray(rng.integers(0, 256, (8, 8 if wraps else 16, 3), dtype=np.uint8))
+    image = np.asarray(patches.resize((256 if wraps else 512, 256), Image.Resampling.BICUBIC)).astype(int)
+    if wraps:
+        image = np.roll(np.concatenate([image, image[:, ::-1]], axis=1), 100, axis=1)
+    return np.clip(image + rng.integers(-3, 4, image.shape), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".png"])
+def test_a_picture_that_wraps_round_is_refused(tmp_path, suffix):
+    path = tmp_path / f"panorama{suffix}"
+    Image.fromarray(panorama(wraps=True)).save(path)
+    assert "perspective view" in message_of(path)
+    with pytest.raises(InputError, match="equirectangular"):
+        read_source(panorama(wraps=True))
+
+
+def test_a_photo_of_another_aspect_may_wrap_round():
+    image = panorama(wraps=True)[:200]
+    np.testing.assert_array_equal(read_source(image).image, image)
+
+
+@pytest.mark.parametrize("edges", ["different", "plain", "level"])
+def test_an_ordinary_photo_twice_as_wide_as_high_is_used(tmp_path, edges):
+    image = panorama(wraps=False)
+    if edges == "plain":
+        image[:, :40] = image[:, -40:] = 255
+    elif edges == "level":  # like a sky over the sea
+        image[:] = np.linspace(0, 255, 256)[:, None, None]
+    Image.fromarray(image).save(tmp_path / "photo.png")
+    np.testing.assert_array_equal(read_photo(tmp_path / "photo.png").image, image)
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".webp", ".tif"])
+def test_a_panorama_with_its_metadata_is_refused(tmp_path, suffix):
+    xmp = b'<rdf:Description GPano:ProjectionType="equirectangular"/>'
+    path = tmp_path / f"panorama{suffix}"
+    options = {"tiffinfo": {700: xmp}} if suffix == ".tif" else {"xmp": xmp}
+    Image.fromarray(panorama(wraps=False)).save(path, **options)
+    assert "equirectangular" in message_of(path)
