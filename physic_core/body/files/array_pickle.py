@@ -50,23 +50,6 @@ def read_pickle(path: Path) -> dict[str, Any]:
     return {name: value for name, value in found.items() if isinstance(name, str)}
 
 
-def read_pickled_items(data: bytes) -> list[Any]:
-    """Read a pickled one-dimensional array of Python objects, with placeholders as in :func:`read_pickle`.
-
-    Raises:
-        UnsafePickleError: it names an object that could run code.
-        InvalidArrayError: it is not such an array.
-        pickle.UnpicklingError: the data is not a complete pickle.
-    """
-    found = _loaded(data)
-    state = found.state if isinstance(found, _Array) else None
-    if not isinstance(state, tuple) or len(state) != 5 or not isinstance(state[4], list):
-        raise InvalidArrayError("is not an array of objects")
-    if _shape(state[1]) != (len(state[4]),):
-        raise InvalidArrayError("is an array of objects whose shape does not fit")
-    return state[4]
-
-
 def as_array(value: Any) -> NDArray[Any]:
     """Convert a value of :func:`read_pickle` to an array.
 

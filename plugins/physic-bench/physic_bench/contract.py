@@ -63,9 +63,6 @@ class TruePerson:
         faces: (F, 3) int64, or None.
         contact: (V,) bool, of the same topology unless ``contact_topology`` is given.
         contact_topology: name of the mesh of ``contact``; "" is ``topology``.
-        contact_classes: class of ``touched_classes.CLASSES`` -> (V,) bool, what the contact vertices touch; None if it
-            is not annotated.
-        box: (4,) px, x0 y0 x1 y1, if it is known otherwise than by projection.
         labels: such as action and occlusion.
     """
 
@@ -78,8 +75,6 @@ class TruePerson:
     faces: Array | None = None
     contact: Array | None = None
     contact_topology: str = ""
-    contact_classes: Mapping[str, Array] | None = None
-    box: Array | None = None
     labels: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -107,7 +102,7 @@ class Frame:
     Attributes:
         id: unique in the data set, fit for a file path ("vicon_03301_01/s001_frame_00001").
         sequence: pictures of one sequence are not independent.
-        camera: intrinsics with distortion, and the transform from the world; None if unknown.
+        camera: intrinsics with distortion, and the transform from the world.
         picture: the file, or None.
         truth: reads the ground truth.
         labels: such as action and occlusion.
@@ -117,7 +112,7 @@ class Frame:
     id: str
     sequence: str
     truth: Callable[[], Truth]
-    camera: Camera | None = None
+    camera: Camera
     picture: Picture | None = None
     labels: Mapping[str, str] = field(default_factory=dict)
     group: str = ""
@@ -134,10 +129,7 @@ class PredictedPerson:
         joint_names: J names as in SMPL-X.
         contact: (V,) bool.
         contact_topology: name of the mesh of the contact; "" is ``topology``.
-        contact_classes: class of ``touched_classes.CLASSES`` -> (V,) bool, on the mesh of the contact; None if the
-            method does not estimate what is touched.
         keypoints: (12, 2) px of ``physic_bench.joints.LIMB_JOINTS``, NaN where not seen.
-        box: (4,) px, x0 y0 x1 y1.
         grade: the method's own judgement, "" without.
     """
 
@@ -147,9 +139,7 @@ class PredictedPerson:
     joint_names: tuple[str, ...] = ()
     contact: Array | None = None
     contact_topology: str = ""
-    contact_classes: Mapping[str, Array] | None = None
     keypoints: Array | None = None
-    box: Array | None = None
     grade: str = ""
 
 

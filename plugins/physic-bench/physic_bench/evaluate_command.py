@@ -1,4 +1,4 @@
-"""The commands ``physic evaluate``: list, show, readers, and one command per data set."""
+"""The commands ``physic evaluate``: list, show, and one command per data set."""
 
 from __future__ import annotations
 
@@ -60,20 +60,6 @@ def list_() -> None:
 
 
 @evaluate.command()
-def readers() -> None:
-    """List the readers of results, and the files that each reads."""
-    from physic_bench.frame_of_results import ALTERNATIVES
-    from physic_bench.readers import READERS, reader_class
-
-    for name in READERS:
-        found = reader_class(name)
-        echo(f"{name}: {found.summary}\n  files: {found.layout}")
-    echo("\nFrames of reference for --results-frame METHOD=FRAME:")
-    for name, (words, _) in ALTERNATIVES.items():
-        echo(f"  {name}: {words}")
-
-
-@evaluate.command()
 @click.argument("name", metavar="DATASET", type=click.Choice(list(DATA_SETS)))
 @click.argument("root", required=False, type=click.Path(path_type=Path))
 def show(name: str, root: Path | None) -> None:
@@ -104,8 +90,8 @@ _COMMON = (
         ["--results"],
         metavar="[NAME=][READER:]FOLDER",
         multiple=True,
-        help="Score results that exist; see `physic evaluate readers`. May be repeated. The first is compared with all "
-        "others.  [default reader: physic]",
+        help="Score results that exist; READER is physic, plain, physic-release or physic-release-init. May be "
+        "repeated. The first is compared with all others.  [default reader: physic]",
     ),
     click.Option(
         ["--results-frame"],
@@ -253,7 +239,6 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
         "header": header,
     }
     files = write_evaluation(evaluation, given.out, settings, contact_cm)
-    files += chosen.write_more(evaluation, given.out, rules.carrier)
     echo((given.out / "table.txt").read_text(encoding="utf-8").removesuffix(f"{MARK}\n"))
     for file in files:
         if file.parent == given.out:

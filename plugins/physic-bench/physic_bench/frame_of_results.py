@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_bench.projection import box_of_points, person_points, project
-from physic_bench.scoring import true_box
+from physic_bench.projection import body_box, box_of_points, person_points, project
 from physic_bench.wording import counted
 from physic_core.adapters.detections import box_iou
 from physic_core.errors import InputError
@@ -47,7 +46,7 @@ class FrameCheck:
 
     Attributes:
         assumed: name of the alternative that is used.
-        overlap: alternative -> median intersection over union of boxes; empty without a camera.
+        overlap: alternative -> median intersection over union of boxes; empty without an annotated person.
         frames: number of frames compared.
     """
 
@@ -59,14 +58,14 @@ class FrameCheck:
         """Return the decision as one sentence."""
         name = ALTERNATIVES[self.assumed][0]
         if not self.overlap:
-            return f"read as {name}; not checked: no frame has a camera, a result and an annotated person"
+            return f"read as {name}; not checked: no frame has a result and an annotated person"
         value = self.overlap[self.assumed]
         return f"read as {name}; median overlap of the projected boxes {value:.2f} over {counted(self.frames, 'frame')}"
 
 
 def into_camera(prediction: Prediction, frame: Frame, alternative: str) -> Prediction:
     """Return a prediction with its people and scene moved from a frame of reference into the camera's."""
-    if alternative == "camera" or frame.camera is None:
+    if alternative == "camera":
         return prediction
     camera, move = frame.camera, ALTERNATIVES[alternative][1]
 
@@ -100,8 +99,8 @@ def check_frame(
     found: dict[str, list[float]] = {name: [] for name in ALTERNATIVES}
     count = 0
     for frame, truth, prediction in samples:
-        boxes = [box for person in truth.people if (box := true_box(frame, person)) is not None]
-        if frame.camera is None or not boxes or not prediction.people:
+        boxes = [box for person in truth.people if (box := body_box(person, frame.camera.K)) is not None]
+        if not boxes or not prediction.people:
             continue
         count += 1
         K = frame.camera.K if prediction.K is None else prediction.K

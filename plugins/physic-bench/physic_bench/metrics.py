@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_bench.touched_classes import CLASSES
-
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -117,46 +115,7 @@ _CONTACT_WORDS = {
 def columns_for(rules: Sequence[str]) -> tuple[Column, ...]:
     """Return all columns, with those of each contact truth ("2 cm", "annotated")."""
     contact = tuple(_contact_column(rule, figure) for rule in rules for figure in CONTACT_FIGURES)
-    return COLUMNS + contact + _TOUCHED_COLUMNS
-
-
-def _touched_column(name: str) -> Column:
-    return Column(
-        f"touched_f1@{name}",
-        f"F1, {name}",
-        f"F1 of the vertices of all people in contact with things of class {name}",
-        partial(_touched_counts, name=name),
-        lambda sums: _ratio(2 * sums[..., 0], 2 * sums[..., 0] + sums[..., 1] + sums[..., 2]),
-        digits=3,
-        better="high",
-    )
-
-
-def _touched_counts(record: Record, name: str) -> tuple[float, ...] | None:
-    counts = record.get("touched", {}).get(name)
-    # People who touch no such thing, and of whom no such contact is estimated, have no figure.
-    if counts is None or not any(counts.values()):
-        return None
-    return (*(float(counts[part]) for part in ("hits", "false_alarms", "misses")),)
-
-
-def _right_classes(record: Record) -> tuple[float, ...] | None:
-    known = record.get("class_known")
-    return (float(record["class_right"]), float(known)) if known else None
-
-
-_TOUCHED_COLUMNS = (
-    Column(
-        "touched_right",
-        "class right",
-        "share of the vertices that truly touch a labelled thing, and have an estimated class, whose class is right",
-        _right_classes,
-        _mean,
-        digits=3,
-        better="high",
-    ),
-    *(_touched_column(name) for name in CLASSES),
-)
+    return COLUMNS + contact
 
 
 def _contact_column(rule: str, figure: str) -> Column:

@@ -33,7 +33,7 @@ def check_output(out: Path) -> None:
     from physic_core.files.own import check_own
 
     check_own(*(out / name for name in _TABLES))
-    check_own(*out.glob("results-*.zip"), *out.glob("worst/*/[0-9][0-9]-*.jpg"))
+    check_own(*out.glob("worst/*/[0-9][0-9]-*.jpg"))
     check_journal(out / SCORES / "journal.jsonl")
 
 

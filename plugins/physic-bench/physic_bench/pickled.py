@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-import io
 import pickle
-import zipfile
-import zlib
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from physic_bench.damage import DamagedFrameError
 from physic_core.body.files.array_pickle import (
@@ -19,7 +14,6 @@ from physic_core.body.files.array_pickle import (
     as_array,
     escape_unprintable,
     read_pickle,
-    read_pickled_items,
 )
 
 _DAMAGED = (pickle.UnpicklingError, EOFError, ValueError, KeyError, IndexError, TypeError, AttributeError)
@@ -52,36 +46,6 @@ def pickled_arrays(path: Path) -> dict[str, Any]:
         raise DamagedFrameError(
             f"{path} is not a complete pickle ({reason}): it is damaged or truncated, copy it again"
         ) from error
-
-
-def read_object_rows(path: Path, name: str) -> list[Any]:
-    """Return the items of an array of Python objects in a .npz file: dictionaries, lists, texts, numbers and arrays.
-
-    Raises:
-        KeyError: the file has no such array.
-        DamagedFrameError: the array is cut off, is not one list of objects, or names anything that could run code.
-    """
-    place = f"{path}: '{name}'"
-    try:
-        with zipfile.ZipFile(path) as archive:
-            stream = io.BytesIO(archive.read(f"{name}.npy"))
-    except (OSError, zipfile.BadZipFile, zlib.error, EOFError) as error:
-        raise DamagedFrameError(f"{path} cannot be read: it is damaged or truncated, copy it again") from error
-    try:
-        version = np.lib.format.read_magic(stream)
-        header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        shape, _, dtype = header(stream)
-        if dtype.kind != "O" or len(shape) != 1:
-            raise DamagedFrameError(f"{place} must be a list of Python objects, got {shape} of {dtype}")
-        return [_plain(item) for item in read_pickled_items(stream.read())]
-    except UnsafePickleError as error:
-        raise DamagedFrameError(
-            f"{place} holds {error}, which is refused: only numbers and texts are read, since others can run code"
-        ) from error
-    except InvalidArrayError as error:
-        raise DamagedFrameError(f"{place} {error}") from error
-    except _DAMAGED as error:
-        raise DamagedFrameError(f"{place} cannot be read: it is damaged or truncated, copy it again") from error
 
 
 def _plain(value: Any, depth: int = 0) -> Any:

@@ -75,7 +75,7 @@ def picture_file(frame: Frame, folder: Path) -> Path:
         size = file.size
     if picture.crop is not None:
         size = (picture.crop[2] - picture.crop[0], picture.crop[3] - picture.crop[1])
-    if frame.camera is not None and size != (frame.camera.width, frame.camera.height):
+    if size != (frame.camera.width, frame.camera.height):
         raise InputError(
             f"{picture.path} has {size[0]} x {size[1]} px, but its camera is calibrated for {frame.camera.width} x "
             f"{frame.camera.height} px"

@@ -50,7 +50,7 @@ def write_previews(evaluation: Evaluation, folder: Path) -> list[Path]:
     for method in evaluation.methods:
         worst: dict[str, float] = {}
         for record in evaluation.records:
-            if record["method"] == method.name and frames[record["frame"]].camera is not None:
+            if record["method"] == method.name:
                 error = record.get("me_mpjpe", record.get("me_pve")) if record["found"] else np.inf
                 if error is not None and not np.isnan(error):
                     worst[record["frame"]] = max(worst.get(record["frame"], 0.0), float(error))
@@ -69,7 +69,6 @@ def write_previews(evaluation: Evaluation, folder: Path) -> list[Path]:
 def _drawn(frame: Frame, method: Method, title: str) -> Any:
     from PIL import Image, ImageDraw
 
-    assert frame.camera is not None
     camera = frame.camera
     scale = WIDTH / camera.width
     page = Image.fromarray(_background(frame)).resize((WIDTH, round(camera.height * scale)))
@@ -85,7 +84,6 @@ def _drawn(frame: Frame, method: Method, title: str) -> Any:
 
 
 def _background(frame: Frame) -> Pixels:
-    assert frame.camera is not None
     camera = frame.camera
     blank = np.full((camera.height, camera.width, 3), 60, np.uint8)
     if frame.picture is None:

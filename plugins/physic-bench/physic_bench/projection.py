@@ -20,6 +20,11 @@ def person_points(person: TruePerson | PredictedPerson) -> Array:
     return np.zeros((0, 3)) if points is None else np.asarray(points, np.float64)
 
 
+def body_box(person: TruePerson | PredictedPerson, K: Array) -> Array | None:
+    """Return the box (4,) px around a projected body; None if most of it is unknown or behind the camera."""
+    return box_of_points(project(person_points(person), K))
+
+
 def project(points: Array, K: Array) -> Array:
     """Return the pixels (n, 2) of points (n, 3) m of the camera frame; NaN behind the camera."""
     with np.errstate(invalid="ignore"):

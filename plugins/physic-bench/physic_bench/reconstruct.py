@@ -68,7 +68,7 @@ def photo_item(frame: Frame, folder: Path, *, with_camera: bool = True) -> Photo
 
     path = picture_file(frame, folder)
     settings: dict[str, Any] = {}
-    if with_camera and frame.camera is not None:
+    if with_camera:
         K = frame.camera.K
         settings["intrinsics"] = [float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2])]
         if any(frame.camera.distortion):

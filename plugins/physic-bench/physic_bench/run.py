@@ -105,7 +105,7 @@ class FrameScorer:
             if digest in self.known:
                 return MethodScores(method.name, digest, None)
             own = score_frame(frame, truth, prediction, method.name, self.rules, reason)
-            if frame.group and prediction is not None and frame.camera is not None:
+            if frame.group and prediction is not None:
                 own = [record | _world_hips(record, frame) for record in own]
             return MethodScores(method.name, digest, tuple(own))
         except Exception as error:
@@ -247,7 +247,7 @@ def _require_results(frames: Sequence[Frame], method: Method) -> None:
         raise InputError(f"no result of {method.name} in {folder} can be used; the first: {reason}")
     raise InputError(
         f"{folder} has no result of {method.name} for any of {counted(len(frames), 'frame')}, such as {frames[0].id}. "
-        f"The reader '{method.reader.name}' expects {method.reader.layout}; `physic evaluate readers` lists all readers"
+        f"The reader '{method.reader.name}' expects {method.reader.layout}"
     )
 
 
@@ -275,7 +275,7 @@ def _spread_out(frames: Sequence[Frame]) -> list[Frame]:
 def _world_hips(record: Record, frame: Frame) -> Record:
     """Return the predicted middle of the hips in the world as an entry of a record."""
     hips = record.pop("hips_m", None)
-    if hips is None or frame.camera is None:
+    if hips is None:
         return {}
     import numpy as np
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_bench.joints import LIMB_JOINTS
-from physic_bench.projection import box_of_points, person_points, project
+from physic_bench.projection import body_box, person_points, project
 from physic_bench.scene_surface import EXACT_WITHIN_M, SceneIndex, contact_by_rule
 from physic_core.adapters.detections import box_iou
 from physic_core.body.joints import JOINT_NAMES
@@ -119,13 +119,10 @@ def score_frame(
             record |= pose_errors(found, person, rules, reasons)
             record |= _camera_errors(frame, prediction)
             record |= contact_errors(found, person, true_maps, rules, reasons)
-            record |= touched_errors(found, person, true_maps, rules)
             record |= _physics(frame, truth, found, true_maps, rules, reasons)
             record["unmeasured"] = reasons.texts
         else:
             record["contact"] = {name: _missed(contact) for name, (contact, _) in true_maps.items()}
-            if person.contact_classes is not None and prediction is not None:
-                record["touched"] = {name: _missed(rows) for name, rows in person.contact_classes.items()}
         if prediction is not None:
             record |= _floor_errors(truth, prediction)
         records.append(record)
@@ -138,32 +135,15 @@ _NO_BOX = (0.0, 0.0, 0.0, 0.0)  # overlaps no other box
 def match_to_truth(frame: Frame, truth: Truth, prediction: Prediction) -> dict[int, int]:
     """Return annotated person -> predicted person, one to one, by the overlap of their boxes in the picture.
 
-    Without a camera, the best predicted person belongs to the only annotated one.
+    People of a method are projected by the camera that it assumed.
     """
     if not truth.people or not prediction.people:
         return {}
-    boxes = [true_box(frame, person) for person in truth.people]
-    if len(boxes) == 1 and boxes[0] is None:
-        return {0: 0}
-    found = [predicted_box(frame, person, prediction.K) for person in prediction.people]
+    boxes = [body_box(person, frame.camera.K) for person in truth.people]
+    K = frame.camera.K if prediction.K is None else prediction.K
+    found = [body_box(person, K) for person in prediction.people]
     iou = box_iou(*(np.array([_NO_BOX if box is None else box for box in some]) for some in (found, boxes)))
     return assign(-iou, iou >= MIN_IOU).predicted_of
-
-
-def true_box(frame: Frame, person: TruePerson) -> Array | None:
-    """Return the box (4,) px of an annotated person: that of the annotation, or around the projected body."""
-    if person.box is not None or frame.camera is None:
-        return person.box
-    return box_of_points(project(person_points(person), frame.camera.K))
-
-
-def predicted_box(frame: Frame, person: PredictedPerson, K: Array | None) -> Array | None:
-    """Return the box (4,) px around a projected body, by the camera that the method assumed."""
-    assumed = K if K is not None else None if frame.camera is None else frame.camera.K
-    points = person_points(person)
-    if assumed is None or not len(points):
-        return person.box
-    return box_of_points(project(points, assumed))
 
 
 def pose_errors(found: PredictedPerson, person: TruePerson, rules: ScoringRules, reasons: _Reasons) -> Record:
@@ -221,7 +201,7 @@ def true_contacts(frame: Frame, truth: Truth, person: TruePerson, rules: Scoring
     """Return contact truth by its name ("annotated", "2 cm"): (V,) bool and the mesh that it is on."""
     if person.contact is not None:
         return {"annotated": (person.contact, person.contact_topology or person.topology)}
-    if truth.scene is None or person.vertices is None or frame.camera is None:
+    if truth.scene is None or person.vertices is None:
         return {}
     distance = _true_distance(frame, truth.scene, person)
     wanted = sorted(set(rules.contact_cm))
@@ -265,35 +245,6 @@ def contact_errors(
     return record
 
 
-def touched_errors(
-    found: PredictedPerson, person: TruePerson, true_maps: Mapping[str, tuple[Bools, str]], rules: ScoringRules
-) -> Record:
-    """Return the counts of contact vertices of each class, and those in contact whose class is right.
-
-    Empty if truth or result does not state what is touched, or if contact cannot be carried to the mesh of the truth.
-    """
-    if person.contact_classes is None or found.contact_classes is None or not true_maps:
-        return {}
-    _, target = next(iter(true_maps.values()))
-    source = found.contact_topology or found.topology
-    carried = {name: rules.carrier.contact(rows, source, target) for name, rows in found.contact_classes.items()}
-    right = np.zeros(len(next(iter(person.contact_classes.values()))), bool)
-    counted, predicted = {}, right.copy()
-    for name, rows in carried.items():
-        if rows is None:
-            return {}
-        counts = contact_counts(rows, person.contact_classes[name])
-        counted[name] = {
-            "hits": int(counts.hits),
-            "false_alarms": int(counts.false_alarms),
-            "misses": int(counts.misses),
-        }
-        right |= rows & person.contact_classes[name]
-        predicted |= rows
-    both = int((predicted & np.any(list(person.contact_classes.values()), axis=0)).sum())
-    return {"touched": counted, "class_right": int(right.sum()), "class_known": both}
-
-
 def main_rule(names: Sequence[str], rules: ScoringRules) -> str | None:
     """Return the contact truth of the table's main columns: the annotation, or the first threshold."""
     if "annotated" in names:
@@ -311,7 +262,7 @@ def _physics(
     reasons: _Reasons,
 ) -> Record:
     """Return penetration and floating of the predicted body in the true scene, mm."""
-    if truth.scene is None or frame.camera is None or found.vertices is None or not len(truth.scene.faces):
+    if truth.scene is None or found.vertices is None or not len(truth.scene.faces):
         return {}
     index = _index_of(truth.scene)
     distance = index.signed_distance(frame.camera.in_world(found.vertices), FLOATING_REACH_M)
@@ -333,7 +284,7 @@ def _physics(
 
 
 def _camera_errors(frame: Frame, prediction: Prediction) -> Record:
-    if frame.camera is None or prediction.K is None:
+    if prediction.K is None:
         return {}
     own, true = (float(np.sqrt(K[0, 0] * K[1, 1])) for K in (prediction.K, frame.camera.K))
     return {"focal_ratio": own / true}
@@ -363,7 +314,7 @@ def truncated_share(frame: Frame, person: TruePerson) -> float | None:
     """Return the share of a person's vertices, or joints without a mesh, that are outside the picture."""
     points = person_points(person)
     points = points[np.isfinite(points).all(-1)]
-    if frame.camera is None or not len(points):
+    if not len(points):
         return None
     return float(1 - _in_picture(frame.camera, points).mean())
 
@@ -373,7 +324,7 @@ def occluded_share(frame: Frame, scene: Surface | None, person: TruePerson) -> f
 
     Vertices that the body itself or another person hides are not counted.
     """
-    if scene is None or not len(scene.faces) or frame.camera is None or person.vertices is None:
+    if scene is None or not len(scene.faces) or person.vertices is None:
         return None
     camera = frame.camera
     points = person.vertices[:: max(len(person.vertices) // HIDDEN_SAMPLES, 1)]
@@ -422,7 +373,6 @@ def _caster(scene: Surface) -> RayCaster:
 
 
 def _true_distance(frame: Frame, scene: Surface, person: TruePerson) -> Array:
-    assert frame.camera is not None
     assert person.vertices is not None
     return _index_of(scene).signed_distance(frame.camera.in_world(person.vertices), EXACT_WITHIN_M)
 

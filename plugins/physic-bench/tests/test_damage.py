@@ -28,7 +28,7 @@ CHANGES: dict[str, Callable[[Any], Any] | None] = {
 
 def write_parameters(folder: Path, files: Files, frame: Any) -> None:
     arrays = {name: np.array(value, np.float64)[None] for name, value in (STANDING | POSE).items()}
-    write_plain(folder, frame.id, **arrays, K=K, contact=np.zeros((1, 10475)), boxes=np.zeros((1, 4)))
+    write_plain(folder, frame.id, **arrays, K=K, contact=np.zeros((1, 10475)))
 
 
 @pytest.mark.parametrize(("name", "write"), [("physic-release", write_release), ("plain", write_parameters)])

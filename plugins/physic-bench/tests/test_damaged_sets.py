@@ -1,4 +1,4 @@
-"""Damaged files of RICH and DAMON, and files without permission: the reason names the file."""
+"""Damaged and missing files of RICH, and files without permission: the reason names the file."""
 
 from __future__ import annotations
 
@@ -8,14 +8,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from physic_bench.contract import Picture
 from physic_bench.damage import DamagedFrameError
 from physic_bench.datasets.base import read_json
-from physic_bench.datasets.damon import DATA_SET as DAMON
-from physic_bench.datasets.damon import DamonOptions
 from physic_bench.datasets.rich import DATA_SET as RICH
 from physic_bench.datasets.rich import RichOptions
 from physic_bench.meshes import read_mesh
@@ -24,12 +21,19 @@ from physic_bench.pictures import read_picture
 from physic_bench.readers.base import archive_arrays
 from physic_bench.validation import checked_truth
 
-from .miniatures import Files
-from .test_damon import damon
+from .miniatures import Files, run
 from .test_rich import SEQUENCE
 from .test_rich import root as rich
 
-__all__ = ["damon", "rich"]
+__all__ = ["rich"]
+
+
+def test_an_empty_folder_is_refused_before_anything_is_computed(files: Files, tmp_path: Path):
+    (tmp_path / "set" / "bodies" / "test").mkdir(parents=True)
+    done = run("rich", str(tmp_path / "set"), "-o", str(tmp_path / "out"), "--preset", "mock", *files.arguments())
+    assert done.exit_code != 0
+    assert "not complete for 'rich'" in done.output
+    assert not (tmp_path / "out").exists()
 
 
 def reasons(data_set: Any, root: Path, options: Any, files: Files) -> dict[str, str]:
@@ -88,31 +92,6 @@ def test_a_damaged_file_of_rich_is_the_reason_of_its_frames(
     found = reasons(RICH, root, RichOptions(), files)
     assert len(found) == 2
     assert all(text.startswith(reason.format(file=root / name)) for text in found.values())
-
-
-@pytest.mark.parametrize(
-    ("change", "reason"),
-    [
-        (lambda a: a.update(contact_label=a["contact_label"].T), "'contact_label' must be (3, 6890), got (6890, 3)"),
-        (lambda a: a.update(contact_label=np.full((3, 6890), "x")), "'contact_label' holds no numbers"),
-        (lambda a: a.update(imgname=np.arange(3)), "'imgname' must be a list of texts, got (3,) of int64"),
-        (lambda a: a.update(imgname=np.array(["a.jpg"] * 3)), "names a photo twice"),
-        (lambda a: a.pop("contact_label"), "has no 'contact_label'"),
-        (lambda a: a.update(imgname=np.array([{}] * 3, object)), "'imgname' is an array of Python objects"),
-    ],
-)
-def test_damaged_labels_of_damon_are_refused(
-    damon: tuple[Path, np.ndarray], files: Files, change: Callable[[dict[str, Any]], Any], reason: str
-):
-    file = damon[0] / "Release_Datasets" / "damon" / "hot_dca_test.npz"
-    with np.load(file) as labels:
-        arrays = {name: labels[name] for name in ("imgname", "contact_label")}
-    change(arrays)
-    np.savez(file, **arrays)
-    with pytest.raises(DamagedFrameError) as error:
-        DAMON.frames(damon[0], DamonOptions(), files.bodies)
-    assert str(error.value).startswith(str(file))
-    assert reason in str(error.value)
 
 
 @pytest.mark.parametrize(

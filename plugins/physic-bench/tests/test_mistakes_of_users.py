@@ -43,11 +43,9 @@ def call(root: Path, *theirs: str, fails: bool = False) -> str:
 def test_results_of_another_data_set_are_refused(root: Path):
     write_plain(root.parent / "other", "vicon_1/s1", joints=TRUE[None], joint_names=NAMES)
     folder = root.parent / "other"
-    assert call(root, f"other=plain:{folder}", fails=True) == (
-        f"{folder} has no result of other for any of 3 frames, such as p0. The reader 'plain' expects FRAME.npz, "
-        "where FRAME is the frame's id; folders of the id may be folders, _ or __; `physic evaluate readers` lists all "
-        "readers"
-    )
+    text = call(root, f"other=plain:{folder}", fails=True)
+    assert f"{folder} has no result" in text
+    assert "expects FRAME.npz" in text
 
 
 def test_a_reader_that_there_is_not(root: Path):
@@ -96,7 +94,7 @@ def _one_name(a: dict[str, Any]) -> None:
             "{file}: the contact has values that are not finite",
         ),
         (_one_name, "{file}: person 0 has 12 joints, but 5 names of joints"),
-        (lambda a: a.update(boxes=np.zeros((2, 4))), "{file}: 'joints' is of 1 people and 'boxes' of 2"),
+        (lambda a: a.update(betas=np.zeros((2, 10))), "{file}: 'joints' is of 1 people and 'betas' of 2"),
         (lambda a: a.update(joints=TRUE), "{file}: the joints of person 0 must have the shape (n, 3), got (3,)"),
         (
             lambda a: a.update(joints=np.array([["a"]])),
@@ -104,7 +102,7 @@ def _one_name(a: dict[str, Any]) -> None:
         ),
         (lambda a: a.update(vertices=np.full((1, 9, 3), np.nan)), "9 of the 9 vertices of the body in {file} are not"),
     ],
-    ids=["K", "contact", "names", "boxes", "shape", "text", "vertices"],
+    ids=["K", "contact", "names", "people", "shape", "text", "vertices"],
 )
 def test_a_damaged_result_costs_its_frame(root: Path, change: Callable[[dict[str, Any]], None], reason: str):
     theirs = results(root, "theirs")
@@ -125,7 +123,6 @@ def test_a_damaged_result_costs_its_frame(root: Path, change: Callable[[dict[str
         "table.md",
         "table.tex",
         "results.json",
-        "results-theirs.zip",
         "worst/theirs/01-p0.jpg",
         "scores/journal.jsonl",
     ],

@@ -14,9 +14,7 @@ from physic_core.errors import InputError
 
 if TYPE_CHECKING:
     from physic_bench.bodies import BodyFiles
-    from physic_bench.carry import Carrier
     from physic_bench.contract import Frame, Prediction
-    from physic_bench.evaluation import Evaluation
 
 
 @dataclass(frozen=True)
@@ -111,10 +109,6 @@ class DataSet(ABC):
             root: of the data set.
         """
         return found
-
-    def write_more(self, evaluation: Evaluation, out: Path, carrier: Carrier) -> list[Path]:
-        """Write further files of this data set, such as a submission; by default none."""
-        return []
 
     def needs_results(self, found: FrameSet) -> bool:
         """Return whether :meth:`complete` changes anything."""

@@ -147,7 +147,7 @@ class Calibrated(DataSet):
             if any(frame.truth().people for frame in views):
                 frames += views
                 continue
-            cameras = [frame.camera for frame in views if frame.camera is not None]
+            cameras = [frame.camera for frame in views]
             keypoints = [_keypoints(results.get(frame.id)) for frame in views]
             people = tuple(person.joints for person in match_views(cameras, keypoints))
             total += len(people)
@@ -200,10 +200,8 @@ def _truth_of_view(camera: Camera, people: tuple[Array, ...], up: Array | None) 
     return Truth(tuple(shown), up=camera.R @ up, camera_height=float(camera.centre @ up))
 
 
-def _with_people(load: Any, camera: Camera | None, people: tuple[Array, ...]) -> Truth:
+def _with_people(load: Any, camera: Camera, people: tuple[Array, ...]) -> Truth:
     truth: Truth = load()
-    if camera is None:
-        return truth
     found = _truth_of_view(camera, people, None).people
     return replace(truth, people=tuple(replace(p, joint_source="triangulated from 2D keypoints") for p in found))
 

@@ -35,9 +35,8 @@ class ResultReader(ABC):
     """
 
     name: ClassVar[str]
-    summary: ClassVar[str]
     layout: ClassVar[str]
-    """Which files it reads, as shown by ``physic evaluate readers``."""
+    """Which files it reads, for messages."""
 
     folder: Path
     bodies: BodyFiles

@@ -10,7 +10,6 @@ import numpy as np
 from physic_bench.contract import PredictedPerson, Prediction
 from physic_bench.joints import LIMB_JOINTS
 from physic_bench.readers.base import ResultReader, file_names
-from physic_bench.touched_classes import class_of_partner, contact_by_class
 from physic_core.body.joints import JOINT_NAMES
 
 if TYPE_CHECKING:
@@ -29,7 +28,6 @@ class Physic(ResultReader):
     """Reads ``reconstruction.json`` and ``reconstruction.npz``."""
 
     name: ClassVar[str] = "physic"
-    summary: ClassVar[str] = "results of physic run and physic batch"
     layout: ClassVar[str] = "photos/XX/FRAME/ of physic batch, or FRAME/reconstruction.json, or PICTURE-physic/"
 
     def locate(self, frame: Frame) -> Path | None:
@@ -51,7 +49,7 @@ class Physic(ResultReader):
 
 def prediction_of(result: Reconstruction, frame: Frame) -> Prediction:
     """Return what is measured of a result, in px of the frame's picture."""
-    width, height = _size(result, frame)
+    width, height = frame.camera.width, frame.camera.height
     factor = np.array([width / result.intrinsics.width, height / result.intrinsics.height])
     topology = {"embedded": "physic-embedded-1"}.get(result.body_model, result.body_model)
     people = [_person(person, topology, result, factor) for person in result.people]
@@ -82,9 +80,7 @@ def _person(person: Person, topology: str, result: Reconstruction, factor: Array
         joints=person.joints.astype(np.float64) if finite else None,
         joint_names=tuple(JOINT_NAMES),
         contact=_contact(person, result),
-        contact_classes=_classes(person, result),
         keypoints=keypoints,
-        box=np.asarray(person.box, np.float64) * np.tile(factor, 2),
         grade=str(person.grade or ""),
     )
 
@@ -96,20 +92,6 @@ def _contact(person: Person, result: Reconstruction) -> NDArray[np.bool_]:
     own = np.array([*(partner.kind == "self" for partner in result.contact_partners), False])
     found: NDArray[np.bool_] = person.contact & ~own[person.contact_partner]
     return found
-
-
-def _classes(person: Person, result: Reconstruction) -> dict[str, NDArray[np.bool_]] | None:
-    """Return the contact vertices of each class; None for results of versions without contact partners."""
-    if person.contact_partner is None:
-        return None
-    names = np.array([*map(class_of_partner, result.contact_partners), ""])
-    return contact_by_class(names[person.contact_partner])
-
-
-def _size(result: Reconstruction, frame: Frame) -> tuple[int, int]:
-    if frame.camera is not None:
-        return frame.camera.width, frame.camera.height
-    return result.intrinsics.width, result.intrinsics.height
 
 
 READER = Physic

@@ -53,7 +53,6 @@ class PhysicRelease(ResultReader):
     """Reads the final bodies; contact is the released rule on the released scene points."""
 
     name: ClassVar[str] = "physic-release"
-    summary: ClassVar[str] = "final results of the paper's authors; contact by their rule on their scene points"
     layout: ClassVar[str] = "release_data/prox/RECORDING/FRAME.npz, release_data/rich/FRAME.npz"
     prefix: ClassVar[str] = "final"
 

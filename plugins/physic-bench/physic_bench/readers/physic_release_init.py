@@ -11,7 +11,6 @@ class PhysicReleaseInit(PhysicRelease):
     """Reads the ``init_`` arrays of the release."""
 
     name: ClassVar[str] = "physic-release-init"
-    summary: ClassVar[str] = "start of the paper's authors' optimisation, with DECO's contact"
     prefix: ClassVar[str] = "init"
 
 

@@ -20,7 +20,6 @@ from physic_bench.readers.base import (
     person_of_body,
     person_of_vertices,
 )
-from physic_bench.touched_classes import CLASSES, contact_by_class
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -37,9 +36,7 @@ _PER_PERSON = (
     "betas",
     "transl",
     "contact",
-    "contact_class",
     "keypoints",
-    "boxes",
 )
 _PARAMETERS = ("global_orient", "body_pose", "betas", "transl")
 
@@ -49,16 +46,10 @@ class Plain(ResultReader):
 
     ``vertices`` (P, V, 3) m of a known mesh, or ``joints`` (P, J, 3) with ``joint_names`` (J), or parameters of SMPL-X
     (``body_pose`` of 21 joints) or SMPL (of 23) with the names of those models, each (P, ...). Optional: ``K`` (3, 3),
-    ``contact`` (P, V), ``contact_class`` (P, V) texts of ``touched_classes.CLASSES``, "" without contact,
-    ``scene_points`` (M, 3), ``floor`` (4,), ``keypoints`` (P, 12, 2), ``boxes`` (P, 4). P may be 0.
+    ``contact`` (P, V), ``scene_points`` (M, 3), ``floor`` (4,), ``keypoints`` (P, 12, 2). P may be 0.
     """
 
     name: ClassVar[str] = "plain"
-    summary: ClassVar[str] = (
-        "arrays that you write, of P people: vertices (P, V, 3) m; or joints (P, J, 3) m and joint_names (J,); or "
-        "global_orient, body_pose, betas, transl, (P, n) each, of SMPL-X or SMPL. Optional: K (3, 3), contact and "
-        "contact_class (P, V), scene_points (M, 3) m, floor (4,), boxes (P, 4) px"
-    )
     layout: ClassVar[str] = "FRAME.npz, where FRAME is the frame's id; folders of the id may be folders, _ or __"
 
     def locate(self, frame: Frame) -> Path | None:
@@ -96,10 +87,7 @@ class Plain(ResultReader):
             smpl = parameters["body_pose"].size in (69, 207)
             person = person_of_body((self.bodies.smpl_body if smpl else self.bodies.smplx_body)(parameters), contact)
         else:
-            person = PredictedPerson(
-                contact=contact_of(contact),
-                topology="" if contact is None else _topology(arrays, contact.size),
-            )
+            person = PredictedPerson(contact=contact_of(contact))
         return PredictedPerson(
             vertices=person.vertices,
             topology=person.topology,
@@ -107,28 +95,8 @@ class Plain(ResultReader):
             joint_names=person.joint_names if joints is None else names,
             contact=person.contact,
             contact_topology=_topology(arrays, person.contact.size) if person.contact is not None else "",
-            contact_classes=_classes(arrays, row, person, path),
             keypoints=_shaped(own("keypoints"), (12, 2), "keypoints", path) if "keypoints" in arrays else None,
-            box=_shaped(own("boxes"), (4,), "boxes", path) if "boxes" in arrays else None,
         )
-
-
-def _classes(arrays: Mapping[str, Any], row: int, person: PredictedPerson, path: Path) -> dict[str, Any] | None:
-    """Return the contact vertices of each class.
-
-    Raises:
-        DamagedFrameError: the classes are not known names, or not of the contact's vertices.
-    """
-    if "contact_class" not in arrays or person.contact is None:
-        return None
-    names = arrays["contact_class"][row]
-    unknown = sorted({*map(str, np.unique(names))} - {*CLASSES, ""})
-    if unknown or names.shape != person.contact.shape:
-        given = f"got {', '.join(map(repr, unknown[:5]))}" if unknown else f"got {names.shape}"
-        raise DamagedFrameError(
-            f"{path}: 'contact_class' must be (P, {person.contact.size}) of {', '.join(CLASSES)} or ''; {given}"
-        )
-    return contact_by_class(names)
 
 
 def _is_per_person(name: str) -> bool:
@@ -140,7 +108,7 @@ def _is_parameter(name: str) -> bool:
 
 
 def _count(arrays: Mapping[str, Any], path: Path) -> int:
-    for name in ("vertices", "joints", "body_pose", "contact"):
+    for name in ("vertices", "joints", "body_pose"):
         if name in arrays:
             count = len(np.atleast_1d(arrays[name]))
             flat = next((n for n in arrays if _is_per_person(n) and np.ndim(arrays[n]) < 2), None)
@@ -153,8 +121,8 @@ def _count(arrays: Mapping[str, Any], path: Path) -> int:
                 raise DamagedFrameError(f"{path}: '{name}' is of {count} people and '{other}' of {len(arrays[other])}")
             return count
     raise DamagedFrameError(
-        f"{path} has none of vertices, joints, body_pose and contact (it has "
-        f"{', '.join(sorted(arrays)) or 'nothing'}): see `physic evaluate readers`"
+        f"{path} has none of vertices, joints and body_pose (it has {', '.join(sorted(arrays)) or 'nothing'}): "
+        "docs/evaluation.md lists the arrays"
     )
 
 
