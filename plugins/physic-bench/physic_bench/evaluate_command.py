@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from physic_bench.evaluation import Method, UnexpectedError
     from physic_bench.reconstruct import ReconstructionSettings
 
-CONTACT_CM = "2,4,5"
 NAMED_ERRORS = 5
 
 
@@ -93,12 +92,6 @@ _COMMON = (
         help="Score results that exist; READER is physic, plain, physic-release or physic-release-init. May be "
         "repeated. The first is compared with all others.  [default reader: physic]",
     ),
-    click.Option(
-        ["--results-frame"],
-        metavar="NAME=FRAME",
-        multiple=True,
-        help="Frame of reference of a method's files, instead of the reader's.",
-    ),
     click.Option(["--preset"], metavar="NAME", help="Reconstruct the pictures with this preset, and score that."),
     click.Option(
         ["--config"],
@@ -112,21 +105,13 @@ _COMMON = (
         multiple=True,
         help="Change one value of the configuration.",
     ),
-    click.Option(["--device"], metavar="NAME", default="", help="cpu, cuda or cuda:N."),
     click.Option(["--no-camera"], is_flag=True, help="Do not give the true camera to the pipeline."),
     click.Option(
         ["--smplx"], type=click.Path(path_type=Path, exists=True), help="SMPL-X model file, or folder of them."
     ),
     click.Option(["--smpl"], type=click.Path(path_type=Path, exists=True), help="SMPL model file, or folder of them."),
-    click.Option(
-        ["--contact-cm"],
-        default=CONTACT_CM,
-        show_default=True,
-        help="Thresholds of contact by rule, where contact is not annotated; the first is the main one.",
-    ),
-    click.Option(["--no-geodesic"], is_flag=True, help="Skip the geodesic error of false contacts."),
     click.Option(["--workers"], type=click.IntRange(1), default=1, show_default=True, help="Processes."),
-    click.Option(["--limit"], type=click.IntRange(1), help="Only the first N frames."),
+    click.Option(["--limit"], metavar="N", type=click.IntRange(1), help="N frames, evenly spaced over all."),
 )
 
 
@@ -143,14 +128,8 @@ def _command_of(name: str) -> click.Command:
     )
 
 
-def _option_of(name: str, default: Any, metadata: Mapping[str, Any]) -> click.Option:
-    flag = "--" + name.replace("_", "-")
-    more = {key: value for key, value in metadata.items() if key != "help"}
-    if isinstance(default, bool):
-        return click.Option([flag], is_flag=True, help=metadata["help"])
-    if default not in (None, ""):
-        more.setdefault("show_default", True)
-    return click.Option([flag], default=default, help=metadata["help"], **more)
+def _option_of(name: str, default: str, metadata: Mapping[str, Any]) -> click.Option:
+    return click.Option(["--" + name.replace("_", "-")], default=default, show_default=bool(default), **metadata)
 
 
 def _callback(chosen: DataSet) -> Callable[..., None]:
@@ -170,23 +149,18 @@ class _Given:
     root: Path
     out: Path
     results: tuple[str, ...]
-    results_frame: tuple[str, ...]
     preset: str | None
     config: Path | None
     overrides: tuple[str, ...]
-    device: str
     no_camera: bool
     smplx: Path | None
     smpl: Path | None
-    contact_cm: str
-    no_geodesic: bool
     workers: int
     limit: int | None
 
 
 def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
     """Check everything that can be wrong before anything is computed; then reconstruct, score and write."""
-    contact_cm = _thresholds(given.contact_cm)
     if given.preset is not None and given.config is not None:
         raise click.UsageError('--preset cannot be combined with --config: write extends = "NAME" into the file')
     if not given.root.is_dir():
@@ -200,10 +174,8 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
         )
     from physic_bench.bodies import BodyFiles
     from physic_bench.carry import Carrier
-    from physic_bench.datasets.base import FrameSet
     from physic_bench.output import check_output, write_evaluation
     from physic_bench.run import evaluate_methods, require_any_truth
-    from physic_bench.scoring import ScoringRules
     from physic_core.files.atomic import check_writable
     from physic_core.files.own import MARK
 
@@ -214,9 +186,7 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
     how = _reconstruction(given)
     if _reconstructs(given):
         how.check()
-    found = chosen.frames(given.root, options, bodies)
-    total = len(found.frames)
-    found = FrameSet(found.frames[: given.limit], found.notes, found.left_out)
+    found = chosen.frames(given.root, options, bodies, given.limit)
     if not found.frames:
         raise InputError(
             f"no frame of {given.root} can be evaluated: {next(iter(found.left_out.values()), 'it is empty')}"
@@ -227,18 +197,12 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
     require_any_truth(found.frames, given.root)
     if _reconstructs(given):
         methods.insert(0, _own_method(found.frames, how, given.out, bodies))
-    rules = ScoringRules(Carrier(bodies), contact_cm, not given.no_geodesic)
     evaluation = evaluate_methods(
-        chosen, found, methods, rules, given.root, given.workers, lambda text: echo(text, err=True), given.out
+        chosen, found, methods, Carrier(bodies), given.root, given.workers, lambda text: echo(text, err=True), given.out
     )
-    header = _header(chosen, options, given, len(found.frames), total)
-    settings = {
-        "data_set": chosen.name,
-        "options": {k: str(v) for k, v in vars(options).items()},
-        "contact_cm": contact_cm,
-        "header": header,
-    }
-    files = write_evaluation(evaluation, given.out, settings, contact_cm)
+    header = _header(chosen, options, given, len(found.frames))
+    settings = {"data_set": chosen.name, "options": vars(options), "header": header}
+    files = write_evaluation(evaluation, given.out, settings)
     echo((given.out / "table.txt").read_text(encoding="utf-8").removesuffix(f"{MARK}\n"))
     for file in files:
         if file.parent == given.out:
@@ -257,21 +221,17 @@ def _words_of(errors: Sequence[UnexpectedError]) -> str:
     )
 
 
-def _header(chosen: DataSet, options: Any, given: _Given, frames: int, total: int) -> str:
+def _header(chosen: DataSet, options: Any, given: _Given, frames: int) -> str:
     """Return the line over the tables: the data set, and every option that changes the figures."""
     changed = [
-        f"--{entry.name.replace('_', '-')} {getattr(options, entry.name)}".removesuffix(" True")
+        f"--{entry.name.replace('_', '-')} {getattr(options, entry.name)}"
         for entry in fields(chosen.Options)
         if getattr(options, entry.name) != entry.default
     ]
     if given.limit is not None:
-        changed.append(f"--limit {given.limit} (of {counted(total, 'frame')})")
-    if _thresholds(given.contact_cm) != _thresholds(CONTACT_CM):
-        changed.append(f"--contact-cm {given.contact_cm}")
-    changed += ["--no-geodesic"] * given.no_geodesic
+        changed.append(f"--limit {given.limit}")
     if _reconstructs(given):
         changed += ["--no-camera"] * given.no_camera + [f"--set {text}" for text in given.overrides]
-    changed += [f"--results-frame {text}" for text in given.results_frame]
     words = f"{chosen.name}, {counted(frames, 'frame')}"
     return f"{words}, with {', '.join(changed)}" if changed else words
 
@@ -285,7 +245,7 @@ def _reconstruction(given: _Given) -> ReconstructionSettings:
     from physic_bench.reconstruct import ReconstructionSettings
 
     return ReconstructionSettings(
-        given.preset, given.config, given.overrides, given.device, given.workers, with_camera=not given.no_camera
+        given.preset, given.config, given.overrides, given.workers, with_camera=not given.no_camera
     )
 
 
@@ -304,15 +264,8 @@ def _own_method(frames: tuple[Frame, ...], how: ReconstructionSettings, out: Pat
 def _methods(given: _Given, bodies: BodyFiles) -> list[Method]:
     """Return the methods of --results."""
     from physic_bench.evaluation import Method
-    from physic_bench.frame_of_results import ALTERNATIVES
     from physic_bench.readers import READERS, open_reader
 
-    chosen: dict[str, str] = {}
-    for text in given.results_frame:
-        name, separator, alternative = text.partition("=")
-        if not separator or alternative not in ALTERNATIVES:
-            raise click.UsageError(f"--results-frame is NAME=FRAME, where FRAME is one of {', '.join(ALTERNATIVES)}")
-        chosen[name] = alternative
     methods: list[Method] = []
     for text in given.results:
         name, separator, rest = text.partition("=")
@@ -327,21 +280,5 @@ def _methods(given: _Given, bodies: BodyFiles) -> list[Method]:
             raise click.UsageError(f"no results can be named '{name}': give another name, as --results NAME={rest}")
         if any(method.name == name for method in methods):
             raise click.UsageError(f"two results are named '{name}': give names, as --results NAME={rest}")
-        methods.append(Method(name, reader, chosen.pop(name, "camera"), forced=name in dict(_pairs(given))))
-    if chosen:
-        raise click.UsageError(f"--results-frame names '{next(iter(chosen))}', but there are no such results")
+        methods.append(Method(name, reader))
     return methods
-
-
-def _pairs(given: _Given) -> list[tuple[str, str]]:
-    return [(name, value) for name, _, value in (text.partition("=") for text in given.results_frame)]
-
-
-def _thresholds(text: str) -> tuple[float, ...]:
-    try:
-        found = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        found = ()
-    if not found or not all(0 < cm <= 15 for cm in found):
-        raise click.UsageError(f"--contact-cm is centimetres above 0 and up to 15, such as 2,4,5 (got '{text}')")
-    return found

@@ -23,21 +23,19 @@ class Method:
     Attributes:
         name: in the tables.
         reader: of its results.
-        assumed: frame of reference of its files.
-        forced: whether the user chose it.
+        frame: frame of reference of its files, see :data:`physic_bench.frame_of_results.ALTERNATIVES`.
         failures: frame id -> why there is no result.
     """
 
     name: str
     reader: ResultReader
-    assumed: str = "camera"
-    forced: bool = False
+    frame: str = "camera"
     failures: Mapping[str, str] = field(default_factory=dict)
 
     def result(self, frame: Frame) -> Prediction | None:
         """Return the result of a frame, in the camera frame; None if there is none."""
         found = self.reader.result(frame)
-        return None if found is None else into_camera(found, frame, self.assumed)
+        return None if found is None else into_camera(found, frame, self.frame)
 
     def result_or_none(self, frame: Frame) -> Prediction | None:
         """Return the result of a frame; None too if it cannot be read, which its record has the reason of."""

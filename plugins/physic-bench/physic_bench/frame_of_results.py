@@ -1,4 +1,4 @@
-"""Check in which frame of reference results are, by projecting them into the picture."""
+"""Find in which frame of reference results are, by projecting them into the picture."""
 
 from __future__ import annotations
 
@@ -45,21 +45,21 @@ class FrameCheck:
     """How well results fit their pictures, read as each alternative.
 
     Attributes:
-        assumed: name of the alternative that is used.
+        frame: name of the alternative that fits.
         overlap: alternative -> median intersection over union of boxes; empty without an annotated person.
         frames: number of frames compared.
     """
 
-    assumed: str
+    frame: str
     overlap: Mapping[str, float]
     frames: int
 
     def sentence(self) -> str:
         """Return the decision as one sentence."""
-        name = ALTERNATIVES[self.assumed][0]
+        name = ALTERNATIVES[self.frame][0]
         if not self.overlap:
             return f"read as {name}; not checked: no frame has a result and an annotated person"
-        value = self.overlap[self.assumed]
+        value = self.overlap[self.frame]
         return f"read as {name}; median overlap of the projected boxes {value:.2f} over {counted(self.frames, 'frame')}"
 
 
@@ -82,19 +82,17 @@ def _is_of_human_size(points: Array) -> bool:
     return len(known) > 1 and 0.2 < float(np.ptp(known, axis=0).max()) < 3.0
 
 
-def check_frame(
-    samples: Sequence[tuple[Frame, Truth, Prediction]], method: str, assumed: str, *, forced: bool = False
-) -> FrameCheck:
+def check_frame(samples: Sequence[tuple[Frame, Truth, Prediction]], method: str) -> FrameCheck:
     """Project some results by each alternative, and compare the boxes with those of the annotated people.
+
+    Results that fit the OpenCV camera are read so, others by the alternative that fits best.
 
     Args:
         samples: frames with truth and result, as they are in the files.
         method: for messages.
-        assumed: key of ALTERNATIVES.
-        forced: whether the user chose ``assumed``: then nothing is refused.
 
     Raises:
-        InputError: the results do not fit as assumed. The message names what fits instead.
+        InputError: the results fit by no alternative.
     """
     found: dict[str, list[float]] = {name: [] for name in ALTERNATIVES}
     count = 0
@@ -110,16 +108,13 @@ def check_frame(
             known = np.array([box for box in own if box is not None]).reshape(-1, 4)
             found[name] += box_iou(np.array(boxes), known).max(1, initial=0.0).tolist()
     overlap = {name: median(values) for name, values in found.items() if values}
-    check = FrameCheck(assumed, overlap, count)
-    if not overlap or forced or overlap[assumed] >= MIN_OVERLAP:
-        return check
-    best = max(overlap, key=lambda name: overlap[name])
-    advice = (
-        f"they fit if read as {ALTERNATIVES[best][0]} ({overlap[best]:.2f}): give --results-frame {method}={best}"
-        if overlap[best] >= MIN_OVERLAP
-        else "no other frame of reference fits either: check that they are of these pictures"
-    )
-    raise InputError(
-        f"the results of {method} do not project onto the annotated people if read as {ALTERNATIVES[assumed][0]}: "
-        f"median overlap of the boxes {overlap[assumed]:.2f} over {counted(count, 'frame')}; {advice}"
-    )
+    best = "camera"
+    if overlap and overlap[best] < MIN_OVERLAP:
+        best = max(overlap, key=lambda name: overlap[name])
+    if overlap and overlap[best] < MIN_OVERLAP:
+        raise InputError(
+            f"the results of {method} do not project onto the annotated people in any frame of reference: median "
+            f"overlap of the boxes {overlap[best]:.2f} over {counted(count, 'frame')}, if read as "
+            f"{ALTERNATIVES[best][0]}; check that they are of these pictures"
+        )
+    return FrameCheck(best, overlap, count)

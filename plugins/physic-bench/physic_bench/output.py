@@ -37,16 +37,7 @@ def check_output(out: Path) -> None:
     check_journal(out / SCORES / "journal.jsonl")
 
 
-def contact_rules(evaluation: Evaluation, contact_cm: tuple[float, ...]) -> list[str]:
-    """Return the contact truths of the tables, the main one first."""
-    if any("annotated" in record["contact"] for record in evaluation.records):
-        return ["annotated"]
-    return [f"{cm:g} cm" for cm in contact_cm]
-
-
-def write_evaluation(
-    evaluation: Evaluation, out: Path, settings: Mapping[str, Any], contact_cm: tuple[float, ...]
-) -> list[Path]:
+def write_evaluation(evaluation: Evaluation, out: Path, settings: Mapping[str, Any]) -> list[Path]:
     """Write table.txt, table.md, table.tex, results.json and the previews of the worst frames, and return their paths.
 
     Raises:
@@ -58,7 +49,8 @@ def write_evaluation(
 
     check_output(out)
     names = [method.name for method in evaluation.methods]
-    tables = compute_tables(evaluation.records, names, contact_rules(evaluation, contact_cm))
+    contact_truths = list(dict.fromkeys(name for record in evaluation.records for name in record["contact"]))
+    tables = compute_tables(evaluation.records, names, contact_truths)
     notes = summary_of(evaluation) + _unequal_counts(tables)
     lines = [*notes, MARK]
     header = settings["header"]
@@ -139,7 +131,7 @@ def _document(evaluation: Evaluation, tables: Tables, settings: Mapping[str, Any
             "name": method.name,
             "reader": method.reader.name,
             "folder": str(method.reader.folder),
-            "frame": method.assumed,
+            "frame": method.frame,
             "overlap": dict(evaluation.checks[method.name].overlap),
         }
         for method in evaluation.methods

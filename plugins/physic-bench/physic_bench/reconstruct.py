@@ -28,7 +28,6 @@ class ReconstructionSettings:
         preset: name of a preset; None is the default.
         config: a TOML file, or None.
         overrides: KEY=VALUE.
-        device: "cpu", "cuda", or "" for the configured one.
         workers: processes.
         with_camera: whether the pipeline gets the true camera.
     """
@@ -36,7 +35,6 @@ class ReconstructionSettings:
     preset: str | None = None
     config: Path | None = None
     overrides: tuple[str, ...] = ()
-    device: str = ""
     workers: int = 1
     with_camera: bool = True
 
@@ -51,8 +49,7 @@ class ReconstructionSettings:
         from physic_core.discovery.plugins import discover
 
         registry = discover()
-        flags = {"--device": {"run": {"device": self.device}}} if self.device else {}
-        config = load_checked_config(registry, self.config, preset=self.preset, overrides=self.overrides, flags=flags)
+        config = load_checked_config(registry, self.config, preset=self.preset, overrides=self.overrides)
         config = batch_config(config, registry, cache=False)
         require_available(resolve(config, registry))
         return config

@@ -20,10 +20,10 @@ from physic_core.errors import InputError, PhysicError
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from physic_bench.carry import Carrier
     from physic_bench.contract import Frame, Truth
     from physic_bench.datasets.base import DataSet, FrameSet
     from physic_bench.frame_of_results import FrameCheck
-    from physic_bench.scoring import ScoringRules
 
     Record = dict[str, Any]
 
@@ -74,12 +74,12 @@ class FrameScorer:
 
     Attributes:
         methods: in order.
-        rules: what is measured.
+        carrier: of contact between body meshes.
         known: digests of the records that exist.
     """
 
     methods: tuple[Method, ...]
-    rules: ScoringRules
+    carrier: Carrier
     known: frozenset[str] = frozenset()
 
     def __call__(self, frame: Frame) -> FrameScores:
@@ -101,10 +101,10 @@ class FrameScorer:
             except PhysicError as error:
                 reason = str(error)
             reason = "" if prediction else reason
-            digest = score_digest(rules_digest(self.rules), frame, truth, prediction, method.name, reason)
+            digest = score_digest(rules_digest(self.carrier), frame, truth, prediction, method.name, reason)
             if digest in self.known:
                 return MethodScores(method.name, digest, None)
-            own = score_frame(frame, truth, prediction, method.name, self.rules, reason)
+            own = score_frame(frame, truth, prediction, method.name, self.carrier, reason)
             if frame.group and prediction is not None:
                 own = [record | _world_hips(record, frame) for record in own]
             return MethodScores(method.name, digest, tuple(own))
@@ -136,7 +136,7 @@ def evaluate_methods(
     data_set: DataSet,
     found: FrameSet,
     methods: Sequence[Method],
-    rules: ScoringRules,
+    carrier: Carrier,
     root: Path,
     workers: int,
     report: Callable[[str], None] = lambda text: None,
@@ -148,7 +148,7 @@ def evaluate_methods(
         data_set: of the frames.
         found: its frames.
         methods: at least one.
-        rules: what is measured.
+        carrier: of contact between body meshes.
         root: of the data set.
         workers: processes.
         report: called with one line at a time.
@@ -156,8 +156,8 @@ def evaluate_methods(
 
     Raises:
         OutputError: another evaluation is writing this folder.
-        InputError: a method has no result of any frame, its results are not in the frame of reference that is assumed,
-            or no frame has a truth that can be read.
+        InputError: a method has no result of any frame, its results fit in no frame of reference, or no frame has a
+            truth that can be read.
     """
     for method in methods:
         _require_results(found.frames, method)
@@ -168,7 +168,8 @@ def evaluate_methods(
     checks = {method.name: _check(found.frames, method) for method in methods}
     for name, check in checks.items():
         report(f"{name}: {check.sentence()}")
-    records, left_out, errors = _all_scores(found, methods, rules, workers, out, report)
+    methods = [replace(method, frame=checks[method.name].frame) for method in methods]
+    records, left_out, errors = _all_scores(found, methods, carrier, workers, out, report)
     ordered = [record for frame in found.frames for record in records.get(frame.id, ())]
     kept = tuple(frame for frame in found.frames if frame.id not in left_out)
     return Evaluation(tuple(methods), kept, checks, tuple(_with_spread(ordered)), found.notes, left_out, errors)
@@ -177,7 +178,7 @@ def evaluate_methods(
 def _all_scores(
     found: FrameSet,
     methods: Sequence[Method],
-    rules: ScoringRules,
+    carrier: Carrier,
     workers: int,
     out: Path | None,
     report: Callable[[str], None],
@@ -187,7 +188,7 @@ def _all_scores(
     from physic_core.files.atomic import check_writable
 
     known = {} if out is None else known_scores(out)
-    scorer = FrameScorer(tuple(methods), rules, frozenset(known))
+    scorer = FrameScorer(tuple(methods), carrier, frozenset(known))
     records: dict[str, list[Record]] = {}
     left_out, old = dict(found.left_out), 0
     errors: list[UnexpectedError] = []
@@ -253,17 +254,16 @@ def _require_results(frames: Sequence[Frame], method: Method) -> None:
 
 def _check(frames: Sequence[Frame], method: Method) -> FrameCheck:
     samples = []
-    raw = replace(method, assumed="camera")
     for frame in _spread_out(frames):
         try:
-            prediction = raw.result(frame)
+            prediction = method.result(frame)
             if prediction is not None:
                 samples.append((frame, checked_truth(frame), prediction))
         except Exception:
             continue  # scoring reports it
         if len(samples) == CHECKED_FRAMES:
             break
-    return check_frame(samples, method.name, method.assumed, forced=method.forced)
+    return check_frame(samples, method.name)
 
 
 def _spread_out(frames: Sequence[Frame]) -> list[Frame]:

@@ -15,8 +15,8 @@ import numpy as np
 
 if TYPE_CHECKING:
     from physic_bench.bodies import BodyFiles
+    from physic_bench.carry import Carrier
     from physic_bench.contract import Frame, Prediction, Surface, Truth
-    from physic_bench.scoring import ScoringRules
     from physic_core.batch.journal import Journal
 
     Record = dict[str, Any]
@@ -48,10 +48,10 @@ def score_digest(
     return found.hexdigest()
 
 
-def rules_digest(rules: ScoringRules) -> str:
-    """Return a digest of the options, the user's body model files (by size and time), and the code of the metrics."""
+def rules_digest(carrier: Carrier) -> str:
+    """Return a digest of the user's body model files (by size and time), and the code of the metrics."""
     found = hashlib.sha256()
-    _add(found, (rules.contact_cm, rules.geodesic, _model_files(rules.carrier.files), _code()))
+    _add(found, (_model_files(carrier.files), _code()))
     return found.hexdigest()
 
 

@@ -41,6 +41,9 @@ if TYPE_CHECKING:
 BODY_NAMES = tuple(JOINT_NAMES[:22])
 """Pelvis to wrists: joints that SMPL, SMPL+H and SMPL-X have."""
 
+CONTACT_CM = (2, 4, 5)
+"""Distances of the rule that makes contact of a true body and a scanned scene, where it is not annotated."""
+
 MIN_IOU = 0.25
 """Overlap of the boxes of a prediction and an annotated person, from which it can be theirs."""
 
@@ -48,21 +51,6 @@ FLOATING_REACH_M = 1.0
 HIDDEN_SAMPLES = 500
 HIDDEN_BEHIND_M = 0.05
 """A vertex is hidden if the scene is nearer by so much: what touches a chair is not hidden by it."""
-
-
-@dataclass(frozen=True, eq=False)
-class ScoringRules:
-    """What is measured, and how.
-
-    Attributes:
-        contact_cm: thresholds of the rule that makes contact of a true body and a scanned scene.
-        carrier: between body meshes.
-        geodesic: whether to measure the geodesic distance on the skin between wrong and true contact.
-    """
-
-    carrier: Carrier
-    contact_cm: tuple[float, ...] = (2.0, 4.0, 5.0)
-    geodesic: bool = True
 
 
 @dataclass(eq=False)
@@ -92,7 +80,7 @@ def base_record(frame: Frame, method: str, person: TruePerson, reason: str = "")
 
 
 def score_frame(
-    frame: Frame, truth: Truth, prediction: Prediction | None, method: str, rules: ScoringRules, reason: str = ""
+    frame: Frame, truth: Truth, prediction: Prediction | None, method: str, carrier: Carrier, reason: str = ""
 ) -> list[Record]:
     """Score everybody who is annotated in a frame.
 
@@ -101,14 +89,14 @@ def score_frame(
         truth: ``frame.truth()``.
         prediction: None if the method has no result.
         method: its name.
-        rules: what is measured.
+        carrier: of contact between body meshes.
         reason: why there is no result.
     """
     matched = {} if prediction is None else match_to_truth(frame, truth, prediction)
     records = []
     for row, person in enumerate(truth.people):
         record = base_record(frame, method, person, reason or "no person at this place")
-        true_maps = true_contacts(frame, truth, person, rules)
+        true_maps = true_contacts(frame, truth, person)
         record["distance_m"] = _distance(person)
         record["has_result"] = prediction is not None
         record["truncation"] = truncated_share(frame, person)
@@ -116,10 +104,10 @@ def score_frame(
         if row in matched and prediction is not None:
             found, reasons = prediction.people[matched[row]], _Reasons()
             record |= {"found": True, "reason": "", "grade": found.grade}
-            record |= pose_errors(found, person, rules, reasons)
+            record |= pose_errors(found, person, carrier, reasons)
             record |= _camera_errors(frame, prediction)
-            record |= contact_errors(found, person, true_maps, rules, reasons)
-            record |= _physics(frame, truth, found, true_maps, rules, reasons)
+            record |= contact_errors(found, person, true_maps, carrier, reasons)
+            record |= _physics(frame, truth, found, true_maps, carrier, reasons)
             record["unmeasured"] = reasons.texts
         else:
             record["contact"] = {name: _missed(contact) for name, (contact, _) in true_maps.items()}
@@ -146,7 +134,7 @@ def match_to_truth(frame: Frame, truth: Truth, prediction: Prediction) -> dict[i
     return assign(-iou, iou >= MIN_IOU).predicted_of
 
 
-def pose_errors(found: PredictedPerson, person: TruePerson, rules: ScoringRules, reasons: _Reasons) -> Record:
+def pose_errors(found: PredictedPerson, person: TruePerson, carrier: Carrier, reasons: _Reasons) -> Record:
     """Return the errors of joints and vertices, mm."""
     record: Record = {}
     hips = None
@@ -169,7 +157,7 @@ def pose_errors(found: PredictedPerson, person: TruePerson, rules: ScoringRules,
         reasons.add("the result has no joints by name")
     if person.vertices is None or found.vertices is None:
         return record
-    mesh = rules.carrier.values(person.vertices, person.topology, found.topology)
+    mesh = carrier.values(person.vertices, person.topology, found.topology)
     if mesh is None:
         reasons.add(_no_way("vertices", found.topology, person.topology))
         return record
@@ -197,22 +185,21 @@ def common_joints(found: PredictedPerson, person: TruePerson) -> tuple[str, ...]
     return tuple(name for name in LIMB_JOINTS if name in both)
 
 
-def true_contacts(frame: Frame, truth: Truth, person: TruePerson, rules: ScoringRules) -> dict[str, tuple[Bools, str]]:
+def true_contacts(frame: Frame, truth: Truth, person: TruePerson) -> dict[str, tuple[Bools, str]]:
     """Return contact truth by its name ("annotated", "2 cm"): (V,) bool and the mesh that it is on."""
     if person.contact is not None:
         return {"annotated": (person.contact, person.contact_topology or person.topology)}
     if truth.scene is None or person.vertices is None:
         return {}
     distance = _true_distance(frame, truth.scene, person)
-    wanted = sorted(set(rules.contact_cm))
-    return {f"{cm:g} cm": (contact_by_rule(distance, cm / 100), person.topology) for cm in wanted}
+    return {f"{cm} cm": (contact_by_rule(distance, cm / 100), person.topology) for cm in CONTACT_CM}
 
 
 def contact_errors(
     found: PredictedPerson,
     person: TruePerson,
     true_maps: Mapping[str, tuple[Bools, str]],
-    rules: ScoringRules,
+    carrier: Carrier,
     reasons: _Reasons,
 ) -> Record:
     """Return the counts of right and wrong contact vertices for each contact truth, and geodesic errors of the first.
@@ -221,9 +208,9 @@ def contact_errors(
     """
     if not true_maps or found.contact is None:
         return {}
-    _, target = next(iter(true_maps.values()))
+    main, target = next(iter(true_maps.values()))
     source = found.contact_topology or found.topology
-    predicted = rules.carrier.contact(found.contact, source, target)
+    predicted = carrier.contact(found.contact, source, target)
     if predicted is None:
         reasons.add(_no_way("contact", source, target))
         return {}
@@ -237,20 +224,11 @@ def contact_errors(
         }
     if source != target:
         record["contact_carried"] = f"{source} to {target}"
-    main = main_rule(list(true_maps), rules)
-    graph = _graph(rules, target)
-    if rules.geodesic and graph is not None and main is not None:
-        error = geodesic_error(graph, predicted, true_maps[main][0])
+    graph = _graph_of(carrier.files, target)
+    if graph is not None:
+        error = geodesic_error(graph, predicted, main)
         record |= {"geodesic_fp_cm": float(error.false_positive_cm), "geodesic_fn_cm": float(error.false_negative_cm)}
     return record
-
-
-def main_rule(names: Sequence[str], rules: ScoringRules) -> str | None:
-    """Return the contact truth of the table's main columns: the annotation, or the first threshold."""
-    if "annotated" in names:
-        return "annotated"
-    first = f"{rules.contact_cm[0]:g} cm"
-    return first if first in names else None
 
 
 def _physics(
@@ -258,7 +236,7 @@ def _physics(
     truth: Truth,
     found: PredictedPerson,
     true_maps: Mapping[str, tuple[Bools, str]],
-    rules: ScoringRules,
+    carrier: Carrier,
     reasons: _Reasons,
 ) -> Record:
     """Return penetration and floating of the predicted body in the true scene, mm."""
@@ -272,10 +250,9 @@ def _physics(
         "penetration_max_mm": 1000 * float(deep.max_depth),
         "penetration_share": float(deep.share),
     }
-    main = main_rule(list(true_maps), rules)
-    if main is not None:
-        contact, topology = true_maps[main]
-        carried = rules.carrier.contact(contact, topology, found.topology)
+    if true_maps:
+        contact, topology = next(iter(true_maps.values()))
+        carried = carrier.contact(contact, topology, found.topology)
         if carried is None:
             reasons.add(_no_way("contact", topology, found.topology))
         else:
@@ -375,10 +352,6 @@ def _caster(scene: Surface) -> RayCaster:
 def _true_distance(frame: Frame, scene: Surface, person: TruePerson) -> Array:
     assert person.vertices is not None
     return _index_of(scene).signed_distance(frame.camera.in_world(person.vertices), EXACT_WITHIN_M)
-
-
-def _graph(rules: ScoringRules, topology: str) -> Any:
-    return _graph_of(rules.carrier.files, topology)
 
 
 @lru_cache(maxsize=4)

@@ -59,8 +59,7 @@ def compute_tables(records: Sequence[Record], methods: Sequence[str], rules: Seq
         first, second = ([r for r in own[k] if r["frame"] in both] for k in (methods[0], name))
         apart[name] = {c.key: difference(first, second, c) for c in kept}
         common[name] = (len(both), len({r["frame"] for r in own[name]}))
-    present = [rule for rule in rules if any(rule in r["contact"] for r in records)]
-    return Tables(tuple(methods), kept, figures, apart, present[0] if present else "", common)
+    return Tables(tuple(methods), kept, figures, apart, rules[0] if rules else "", common)
 
 
 def text_table(tables: Tables) -> str:

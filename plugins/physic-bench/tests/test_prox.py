@@ -47,7 +47,7 @@ def evaluated(mini: Miniature, files: Files, tmp_path: Path, theirs: str, *more:
 
 
 def test_the_truth_itself_has_no_error(mini: Miniature, files: Files, tmp_path: Path):
-    found = evaluated(mini, files, tmp_path, results(tmp_path, mini), "--no-geodesic")
+    found = evaluated(mini, files, tmp_path, results(tmp_path, mini))
     for key in ("me_mpjpe", "pa_mpjpe", "rt_error", "me_pve", "ca_pve", "pa_pve"):
         assert found[key] == pytest.approx(0, abs=0.01), key
     for key in ("precision@2 cm", "recall@2 cm", "f1_of_means@2 cm", "f1_mean@2 cm", "f1_pooled@2 cm"):
@@ -64,7 +64,7 @@ def test_the_truth_itself_has_no_error(mini: Miniature, files: Files, tmp_path: 
 
 def test_5_cm_down_are_5_cm_in_all_of_it(mini: Miniature, files: Files, tmp_path: Path):
     down = -0.05 * TO_SCENE[2, :3]
-    found = evaluated(mini, files, tmp_path, results(tmp_path, mini, lambda points: points + down), "--no-geodesic")
+    found = evaluated(mini, files, tmp_path, results(tmp_path, mini, lambda points: points + down))
     assert (found["me_mpjpe"], found["me_pve"], found["rt_error"]) == pytest.approx((50, 50, 50), abs=0.01)
     assert (found["ca_mpjpe"], found["pa_pve"]) == pytest.approx((0, 0), abs=0.01)
     deep = [0.05 - h[h < 0.05] for h in mini.height.values()]
@@ -112,11 +112,11 @@ def test_a_model_file_of_another_gender_is_refused(mini: Miniature, files: Files
     assert "the body is male" in done.output
 
 
-def test_a_list_or_every_nth_frame(mini: Miniature, files: Files, tmp_path: Path):
+def test_a_list_or_some_of_all_frames(mini: Miniature, files: Files, tmp_path: Path):
     (tmp_path / "list.txt").write_text("vicon_03301_01/s001_frame_00001__00.00.01.023\n")
     listed = DATA_SET.frames(mini.root, ProxOptions(frames=str(tmp_path / "list.txt")), files.bodies)
     assert [f.id for f in listed.frames] == ["vicon_03301_01/s001_frame_00001__00.00.01.023"]
-    assert len(DATA_SET.frames(mini.root, ProxOptions(every=2), files.bodies).frames) == 2
+    assert len(DATA_SET.frames(mini.root, ProxOptions(), files.bodies, 2).frames) == 2
     (tmp_path / "list.txt").write_text("vicon_03301_01/gone\n")
     missing = DATA_SET.check(mini.root, ProxOptions(frames=str(tmp_path / "list.txt")))
     assert missing == [
@@ -133,7 +133,7 @@ def test_damaged_meshes_are_left_out_with_their_reason(mini: Miniature, files: F
     in_millimetres.vertices *= 1000
     in_millimetres.export(meshes[2])
     theirs = results(tmp_path, mini)
-    evaluated(mini, files, tmp_path, theirs, "--no-geodesic")
+    evaluated(mini, files, tmp_path, theirs)
     left_out = json.loads((tmp_path / "out" / "results.json").read_text())["left_out"]
     assert left_out[names[0]].startswith(f"{meshes[0]} cannot be read as a mesh")
     assert left_out[names[1]] == f"{meshes[1]} has 6890 vertices, where SMPL-X has 10475 (6890 is SMPL)"

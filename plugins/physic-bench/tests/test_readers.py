@@ -91,14 +91,15 @@ def test_torch_tensors_and_cut_off_pickles_are_refused(content: bytes, reason: s
         pickled_arrays(tmp_path / "a.pkl")
 
 
-def test_results_in_the_world_frame_are_refused_as_camera_results(files: Files):
+def test_the_frame_of_results_is_found_and_results_of_other_pictures_are_refused(files: Files):
     to_camera = rigid(rotation("y", 30) @ rotation("x", 95), [0.2, 0.4, 3.0])
     camera = Camera(K, *SIZE, to_camera[:3, :3], to_camera[:3, 3])
     vertices, joints = true_body(files)
     truth = Truth((TruePerson(vertices=vertices, topology="smplx"),))
     frame = Frame("a", "a", lambda: truth, camera)
     own = Prediction((PredictedPerson(vertices=camera.in_world(vertices), topology="smplx", joints=joints),))
-    with pytest.raises(InputError, match="give --results-frame theirs=world"):
-        check_frame([(frame, truth, own)], "theirs", "camera")
-    check = check_frame([(frame, truth, own)], "theirs", "world")
-    assert check.overlap["world"] == pytest.approx(1)
+    check = check_frame([(frame, truth, own)], "theirs")
+    assert (check.frame, check.overlap["world"]) == ("world", pytest.approx(1))
+    elsewhere = Prediction((PredictedPerson(vertices=vertices + np.array([9, 0, 0]), topology="smplx"),))
+    with pytest.raises(InputError, match="theirs do not project"):
+        check_frame([(frame, truth, elsewhere)], "theirs")

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from physic_bench.damage import DamagedFrameError
 from physic_core.errors import InputError
@@ -15,6 +15,8 @@ from physic_core.errors import InputError
 if TYPE_CHECKING:
     from physic_bench.bodies import BodyFiles
     from physic_bench.contract import Frame, Prediction
+
+_Item = TypeVar("_Item")
 
 
 @dataclass(frozen=True)
@@ -64,9 +66,14 @@ class FrameSet:
     left_out: Mapping[str, str] = field(default_factory=dict)
 
 
-def option(default: Any, words: str, **more: Any) -> Any:
+def option(default: str, words: str, metavar: str) -> Any:
     """Return a field of a data set's options, which becomes an option of its command with this help."""
-    return field(default=default, metadata={"help": words, **more})
+    return field(default=default, metadata={"help": words, "metavar": metavar})
+
+
+@dataclass(frozen=True)
+class NoOptions:
+    """The command of the data set has no option of its own."""
 
 
 class DataSet(ABC):
@@ -74,7 +81,7 @@ class DataSet(ABC):
 
     name: ClassVar[str]
     summary: ClassVar[str]
-    Options: ClassVar[type[Any]]
+    Options: ClassVar[type[Any]] = NoOptions
     """A frozen dataclass whose fields are made by :func:`option`."""
 
     @abstractmethod
@@ -92,8 +99,14 @@ class DataSet(ABC):
         """
 
     @abstractmethod
-    def frames(self, root: Path, options: Any, bodies: BodyFiles) -> FrameSet:
+    def frames(self, root: Path, options: Any, bodies: BodyFiles, limit: int | None = None) -> FrameSet:
         """Return the frames.
+
+        Args:
+            root: of the data set.
+            options: of the class ``Options``.
+            bodies: the user's body model files.
+            limit: about how many frames, see :func:`evenly`; None for all.
 
         Raises:
             InputError: a file is damaged, or its content contradicts another.
@@ -113,6 +126,13 @@ class DataSet(ABC):
     def needs_results(self, found: FrameSet) -> bool:
         """Return whether :meth:`complete` changes anything."""
         return False
+
+
+def evenly(items: Sequence[_Item], count: int | None) -> list[_Item]:
+    """Return ``count`` items, evenly spaced over all; all of them for None."""
+    if count is None or count >= len(items):
+        return list(items)
+    return [items[k * len(items) // count] for k in range(count)]
 
 
 def listed_frames(file: str) -> list[str]:

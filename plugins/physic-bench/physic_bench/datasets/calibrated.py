@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -13,7 +13,7 @@ import numpy as np
 
 from physic_bench.cameras import Camera, calibrated
 from physic_bench.contract import Frame, Picture, TruePerson, Truth
-from physic_bench.datasets.base import DataSet, DataSource, Description, FrameSet, option
+from physic_bench.datasets.base import DataSet, DataSource, Description, FrameSet, NoOptions, evenly
 from physic_bench.joints import LIMB_JOINTS, full_names, is_upright, limb_joints
 from physic_bench.triangulation import match_views, visible_joints
 from physic_bench.wording import counted
@@ -47,23 +47,11 @@ ROOT/
   left_MOMENT.jpg   one photo per camera and moment; CAMERA.jpg where there is one moment"""
 
 
-@dataclass(frozen=True)
-class CalibratedOptions:
-    """Options of the command.
-
-    Attributes:
-        up: direction up in the world of cameras.json.
-    """
-
-    up: str = option("", "Up in the world of cameras.json, such as 0,-1,0.  [default: its entry 'up']", metavar="X,Y,Z")
-
-
 class Calibrated(DataSet):
     """Reads truth.json and cameras.json."""
 
     name: ClassVar[str] = "calibrated"
     summary: ClassVar[str] = "your own photos with known cameras"
-    Options: ClassVar[type[Any]] = CalibratedOptions
 
     def describe(self) -> Description:
         """Return how to write such a folder."""
@@ -81,7 +69,7 @@ class Calibrated(DataSet):
             ),
         )
 
-    def check(self, root: Path, options: CalibratedOptions, *, pictures: bool = True) -> list[str]:
+    def check(self, root: Path, options: NoOptions, *, pictures: bool = True) -> list[str]:
         """Return the missing files."""
         if (root / "truth.json").is_file():
             records = _json(root / "truth.json")
@@ -100,15 +88,15 @@ class Calibrated(DataSet):
         missing += [f"{root}/{name}*.jpg: no photo of camera '{name}'" for name in cameras if not _photos(root, name)]
         return missing or ([] if cameras else [f"{root / 'cameras.json'}: names no camera under 'cameras'"])
 
-    def frames(self, root: Path, options: CalibratedOptions, bodies: BodyFiles) -> FrameSet:
-        """Return the photos."""
+    def frames(self, root: Path, options: NoOptions, bodies: BodyFiles, limit: int | None = None) -> FrameSet:
+        """Return the photos; all views of a moment, or none."""
         if (root / "truth.json").is_file():
-            return FrameSet(tuple(_single(root, record) for record in _json(root / "truth.json")))
-        return self._views(root, options)
+            return FrameSet(tuple(_single(root, record) for record in evenly(_json(root / "truth.json"), limit)))
+        return self._views(root, limit)
 
-    def _views(self, root: Path, options: CalibratedOptions) -> FrameSet:
+    def _views(self, root: Path, limit: int | None) -> FrameSet:
         document = _json(root / "cameras.json")
-        up = _up(options.up, document.get("up"))
+        up = _up(document.get("up"))
         moments = _json(root / "joints.json") if (root / "joints.json").is_file() else {}
         frames = []
         for name, record in document["cameras"].items():
@@ -128,10 +116,11 @@ class Calibrated(DataSet):
                         group=moment,
                     )
                 )
-        notes = (
-            () if up is not None else ("up is not known (no 'up' in cameras.json, no --up): floors are not measured",)
-        )
-        return FrameSet(tuple(sorted(frames, key=lambda f: (f.group, f.id))), notes)
+        notes = () if up is not None else ("up is not known (no 'up' in cameras.json): floors are not measured",)
+        count = None if limit is None else max(limit // len(document["cameras"]), 1)
+        chosen = evenly(sorted({frame.group for frame in frames}), count)
+        kept = [frame for frame in frames if frame.group in chosen]
+        return FrameSet(tuple(sorted(kept, key=lambda f: (f.group, f.id))), notes)
 
     def needs_results(self, found: FrameSet) -> bool:
         """Return whether some views have no joints."""
@@ -246,14 +235,10 @@ def _distortion(given: Any) -> tuple[float, float, float, float, float]:
     return k1, k2, p1, p2, k3[0] if k3 else 0.0
 
 
-def _up(text: str, given: Any) -> Array | None:
-    try:
-        values = [float(v) for v in text.split(",")] if text else given
-        direction = None if values is None else np.array(values, np.float64)
-    except ValueError:
-        raise InputError(f"--up must be three numbers, such as 0,-1,0 (got '{text}')") from None
-    if direction is None:
+def _up(given: Any) -> Array | None:
+    if given is None:
         return None
+    direction = np.array(given, np.float64)
     if direction.shape != (3,) or not np.linalg.norm(direction) > 0:
         raise InputError(f"up must be three numbers that are not all zero, got {direction.tolist()}")
     unit: Array = direction / np.linalg.norm(direction)

@@ -27,6 +27,7 @@ from physic_bench.datasets.base import (
     DataSource,
     Description,
     FrameSet,
+    evenly,
     listed_frames,
     missing_dataset_files,
     option,
@@ -77,12 +78,10 @@ class ProxOptions:
 
     Attributes:
         frames: file with one RECORDING/FRAME per line.
-        every: step through all frames.
         mesh_frame: frame of reference of the meshes; "auto" decides by the keypoints.
     """
 
     frames: str = option("", "Text file with one RECORDING/FRAME per line: the frames to evaluate.", metavar="FILE")
-    every: int = option(1, "Every N-th frame of all, if there is no list.", metavar="N")
     mesh_frame: str = option("auto", "Frame of the meshes: auto, camera, scene or vicon.", metavar="NAME")
 
 
@@ -112,14 +111,14 @@ class Prox(DataSet):
             TREE,
             (
                 "The paper evaluates 178 frames, and PROX's README names 180; the list is not published: give your own "
-                "with --frames, or take every n-th frame with --every.",
+                "with --frames, or take some with --limit.",
                 "Pictures are mirrored before use, and undistorted by k of Color.json.",
                 "MPVPE needs the meshes alone. Joints are those of the parameters, posed by SMPLX_MALE.npz (--smplx), "
                 "or the joint regressor on the meshes, which the table calls an approximation.",
                 "Whether the meshes are in the frame of the camera, the scene or Vicon is decided by projection onto "
                 "the keypoints, and printed. Where none fits, nothing is evaluated.",
-                "Contact truth is not shipped: a vertex touches within 2, 4 and 5 cm of the scan (--contact-cm), or "
-                "inside it by up to 15 cm.",
+                "Contact truth is not shipped: a vertex touches within 2, 4 and 5 cm of the scan, or inside it by up "
+                "to 15 cm.",
             ),
         )
 
@@ -137,8 +136,6 @@ class Prox(DataSet):
         missing = missing_dataset_files(root, needed)
         if options.mesh_frame not in ("auto", *MESH_FRAMES):
             missing.append(f"--mesh-frame is one of auto, {', '.join(MESH_FRAMES)} (got '{options.mesh_frame}')")
-        if options.every < 1:
-            missing.append(f"--every is at least 1 (got {options.every})")
         if options.mesh_frame == "auto" and next(root.glob("keypoints/*/*_keypoints.json"), None) is None:
             missing.append(
                 f"{root / 'keypoints/*/*_keypoints.json'}: keypoints that decide in which frame the meshes are; or "
@@ -148,9 +145,9 @@ class Prox(DataSet):
             missing += [f"{name}: listed in {options.frames}" for name in _not_there(root, options)]
         return missing
 
-    def frames(self, root: Path, options: ProxOptions, bodies: BodyFiles) -> FrameSet:
+    def frames(self, root: Path, options: ProxOptions, bodies: BodyFiles, limit: int | None = None) -> FrameSet:
         """Return the frames, after the decision about the meshes and the check of the model file."""
-        names = _listed(options) if options.frames else _all(root)[:: options.every]
+        names = evenly(_listed(options) if options.frames else _all(root), limit)
         camera = _camera(root)
         chosen, note = options.mesh_frame, f"meshes are in the frame '{options.mesh_frame}', as you chose"
         if chosen == "auto":

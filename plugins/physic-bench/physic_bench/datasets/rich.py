@@ -27,6 +27,7 @@ from physic_bench.datasets.base import (
     DataSource,
     Description,
     FrameSet,
+    evenly,
     listed_frames,
     missing_dataset_files,
     option,
@@ -69,14 +70,10 @@ class RichOptions:
     Attributes:
         split: "train", "val" or "test".
         frames: file with one SEQ/FRAME/CAMERA per line.
-        every: step through all combinations of frame and camera.
-        contact: mesh of the annotated contact.
     """
 
     split: str = option("test", "train, val or test.", metavar="NAME")
     frames: str = option("", "Text file with one SEQ/FRAME/CAMERA per line: the pictures to evaluate.", metavar="FILE")
-    every: int = option(1, "Every N-th picture of all, if there is no list.", metavar="N")
-    contact: str = option("smpl", "Contact truth: smpl (.pkl, 6890), smplx (.obj, 10475) or rule.", metavar="NAME")
 
 
 class Rich(DataSet):
@@ -108,8 +105,8 @@ class Rich(DataSet):
                 "The paper evaluates 100 pictures; their list is that of the results that its first author published "
                 "(--frames).",
                 "Bodies are posed by the file of the subject's gender, hands from 12 principal components.",
-                "Contact of 6890 vertices is the truth as published; predicted contact of another mesh is carried "
-                "over, which needs --smpl.",
+                "Contact of 6890 vertices (.pkl) is the truth as published, that of 10475 (.obj) where it is missing; "
+                "predicted contact of another mesh is carried over, which needs --smpl.",
                 "Pictures are undistorted by the two radial coefficients. Cameras without calibration are skipped.",
             ),
         )
@@ -121,28 +118,17 @@ class Rich(DataSet):
             (f"bodies/{split}/*/*/*.pkl", "bodies"),
             ("scan_calibration/*/calibration/*.xml", "calibration of the cameras"),
             ("resource/gender.json", "gender of the subjects, from rich_toolkit"),
+            (f"human_scene_contact/{split}/*/*/*.*", "annotated contact"),
         ]
-        if options.contact in ("smpl", "smplx"):
-            kind = "pkl" if options.contact == "smpl" else "obj"
-            needed.append((f"human_scene_contact/{split}/*/*/*.{kind}", "annotated contact; or --contact rule"))
         if pictures:
             needed.append((f"images/{split}/*/cam_*/*", "pictures"))
-        missing = missing_dataset_files(root, needed)
-        if options.contact not in ("smpl", "smplx", "rule"):
-            missing.append(f"--contact is smpl, smplx or rule (got '{options.contact}')")
-        if options.contact == "rule":
-            missing += missing_dataset_files(
-                root, [("scan_calibration/*/scan_camcoord.ply", "scans, for contact by rule")]
-            )
-        if options.every < 1:
-            missing.append(f"--every is at least 1 (got {options.every})")
-        return missing
+        return missing_dataset_files(root, needed)
 
-    def frames(self, root: Path, options: RichOptions, bodies: BodyFiles) -> FrameSet:
+    def frames(self, root: Path, options: RichOptions, bodies: BodyFiles, limit: int | None = None) -> FrameSet:
         """Return the pictures."""
         if not bodies.has("smplx"):
             raise InputError("RICH holds parameters of SMPL-X: give --smplx FOLDER with SMPLX_MALE and SMPLX_FEMALE")
-        names = listed_frames(options.frames) if options.frames else _all(root, options.split)[:: options.every]
+        names = evenly(listed_frames(options.frames) if options.frames else _all(root, options.split), limit)
         frames = []
         left_out = {} if options.frames else dict(_without_views(root, options.split))
         for name in names:
@@ -214,25 +200,23 @@ def _genders(file: Path) -> dict[str, str]:
     return {str(int(key)) if key.isdecimal() else key: value for key, value in found.items()}
 
 
-def _contact(
-    root: Path, body: Path, sequence: str, number: str, options: RichOptions
-) -> tuple[NDArray[np.bool_] | None, str]:
-    """Return the annotated contact of a person and its mesh; None to make it by rule."""
-    if options.contact == "rule":
-        return None, ""
+def _contact(root: Path, body: Path, sequence: str, number: str, options: RichOptions) -> tuple[NDArray[np.bool_], str]:
+    """Return the annotated contact of a person and its mesh: of the .pkl file, or of the .obj file without it.
+
+    Raises:
+        DamagedFrameError: the person has neither file, or it has another content.
+    """
     file = root / "human_scene_contact" / options.split / sequence / number / body.name
-    if options.contact == "smplx":
-        file = file.with_suffix(".obj")
-        found = (read_vertex_colours(file) == GREEN).all(1)
-    else:
+    mesh, wanted = "smpl", 6890
+    if file.is_file():
         values = number_array(pickled_arrays(file), "contact", file).reshape(-1)
         found = require_finite(values, f"{file}: 'contact'") > 0
-    wanted = 6890 if options.contact == "smpl" else 10475
+    else:
+        mesh, wanted, file = "smplx", 10475, file.with_suffix(".obj")
+        found = (read_vertex_colours(file) == GREEN).all(1)
     if len(found) != wanted:
-        raise DamagedFrameError(
-            f"{file} has contact of {len(found)} vertices, where {options.contact.upper()} has {wanted}"
-        )
-    return found, options.contact
+        raise DamagedFrameError(f"{file} has contact of {len(found)} vertices, where {mesh.upper()} has {wanted}")
+    return found, mesh
 
 
 @lru_cache(maxsize=3)
