@@ -11,7 +11,7 @@ __all__: list[str] = []
 def physic_commands() -> list[CommandRecord]:
     """Return the commands "bench" and "evaluate"."""
     return [
-        CommandRecord("bench", "physic_bench.bench_command:bench", "Measure the accuracy and the speed of the engine."),
+        CommandRecord("bench", "physic_bench.bench_command:bench", "Measure the accuracy of the engine."),
         CommandRecord(
             "evaluate",
             "physic_bench.evaluate_command:evaluate",

@@ -1,4 +1,4 @@
-"""Command ``physic bench``: accuracy and speed of the engine, and the processor time of a photo."""
+"""Command ``physic bench``: accuracy of the engine."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,7 +34,7 @@ class _Size(click.ParamType[Any]):
 
 @click.group()
 def bench() -> None:
-    """Measure the accuracy and the speed of the engine.
+    """Measure the accuracy of the engine.
 
     "accuracy" needs the plugin physic-mock. In a checkout of PhySIC:
     pip install -e plugins/physic-testing -e plugins/physic-mock
@@ -157,60 +157,6 @@ def _measure_accuracy(options: _AccuracyOptions) -> None:
         "config": noisy.as_dict(),
     }
     _run(cases, work, options.jobs, options.out, settings)
-
-
-@bench.command()
-@click.option("--sections", metavar="NAME,...", default="", help="floor, people.  [default: both]")
-@click.option("--repeats", metavar="N", type=click.IntRange(1), default=5, show_default=True, help="Rounds.")
-@click.option("--preset", metavar="NAME", default="default", show_default=True, help="Engine's preset.")
-@click.option("--size", type=_Size(), default="640x480", show_default=True, help="Photos, px.")
-@click.option("--seed", metavar="S", type=click.IntRange(0), default=0, show_default=True, help="Draws the problems.")
-@click.option("--json", "file", type=click.Path(path_type=Path), help="Write every number to this file, too.")
-def speed(sections: str, repeats: int, preset: str, size: tuple[int, int], seed: int, file: Path | None) -> None:
-    """Print run-time ratios of the engine on this machine, measured in one run."""
-    from physic_bench.worlds.speed import SECTIONS, format_report, measure_speed
-    from physic_core.files.own import MARK, check_own
-
-    if file is not None:
-        check_own(file)
-    report = measure_speed(
-        repeats,
-        sections=[name.strip() for name in sections.split(",") if name.strip()] or tuple(SECTIONS),
-        preset=preset,
-        size=size,
-        seed=seed,
-        progress=lambda title: echo(title, err=True),
-    )
-    if file is not None:
-        import json
-
-        from physic_core.files.atomic import atomic_write
-
-        text = json.dumps({"note": MARK, **report.as_dict()}, indent=1)
-        with atomic_write(file.parent) as temporary:
-            temporary(file.name).write_text(f"{text}\n", encoding="utf-8")
-    echo(format_report(report))
-
-
-@bench.command()
-@click.argument("path", metavar="PHOTO", type=click.Path(exists=True, dir_okay=False, path_type=Path))
-@click.option("--repeats", metavar="N", type=click.IntRange(1), default=5, show_default=True, help="Processes.")
-@click.option("--preset", metavar="NAME", default="embedded", show_default=True, help="Preset of the pipeline.")
-@click.option("--no-report", is_flag=True, help="Write no page.")
-@click.option("--json", "as_json", is_flag=True, help="Print every number as JSON.")
-def photo(path: Path, repeats: int, preset: str, no_report: bool, as_json: bool) -> None:
-    """Print the processor time of PHOTO from a cold start, by part, without cached results.
-
-    Each repeat is a new process. Ratios are to twenty passes of the packaged depth network in the same process.
-    """
-    from physic_bench.worlds.photo import format_cost, measure_photo
-    from physic_core.cli.output import echo_json
-
-    cost = measure_photo(path, repeats, preset=preset, report=not no_report)
-    if as_json:
-        echo_json(asdict(cost))
-    else:
-        echo(format_cost(cost))
 
 
 def _split(overrides: tuple[str, ...]) -> tuple[list[str], list[str]]:

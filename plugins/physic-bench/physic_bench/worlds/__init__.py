@@ -1,1 +1,1 @@
-"""Benchmarks of the engine: accuracy on worlds and speed."""
+"""Accuracy of the engine on worlds."""
