@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -54,27 +53,18 @@ def floor_of(side_m: float = 12.0) -> trimesh.Trimesh:
     return trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], process=False)
 
 
-def write_prox(
-    root: Path,
-    files: Files,
-    mesh_frame: str = "vicon",
-    *,
-    poses: Mapping[str, dict[str, Any]] = POSES,
-    scan: trimesh.Trimesh | None = None,
-    scale: int = 1,
-) -> Miniature:
-    """Write the set; the person's lowest vertex is 1 cm over the floor. Pictures are ``scale`` times as wide."""
+def write_prox(root: Path, files: Files, mesh_frame: str = "vicon") -> Miniature:
+    """Write the set; the person's lowest vertex is 1 cm over the floor."""
     made = Miniature(root, {}, {}, {}, files.standing().faces)
-    camera = np.diag([scale, scale, 1]) @ K
     for part in ("calibration", "cam2world", "scenes"):
         (root / part).mkdir(parents=True, exist_ok=True)
-    calibration = {"camera_mtx": camera.tolist(), "k": [[0.02, -0.03, 0.001, 0.0005, 0.01]], "f": [1, 1], "c": [1, 1]}
+    calibration = {"camera_mtx": K.tolist(), "k": [[0.02, -0.03, 0.001, 0.0005, 0.01]], "f": [1, 1], "c": [1, 1]}
     (root / "calibration" / "Color.json").write_text(json.dumps(calibration))
     (root / "cam2world" / "vicon.json").write_text(json.dumps(TO_SCENE.tolist()))
     (root / "vicon2scene.json").write_text(json.dumps(TO_SCENE_FROM_VICON.tolist()))
-    (floor_of() if scan is None else scan).export(root / "scenes" / "vicon.ply")
+    floor_of().export(root / "scenes" / "vicon.ply")
     recording = "vicon_03301_01"
-    for name, pose in poses.items():
+    for name, pose in POSES.items():
         parameters: dict[str, Any] = {**STANDING, **pose, "betas": np.array([0.5, -0.3, *[0.0] * 8])}
         parameters = _on_floor(files, parameters)
         body = files.bodies.smplx_body(parameters, "male")
@@ -94,8 +84,8 @@ def write_prox(
         python2_pickle(
             folder / "results" / name / "000.pkl", {k: np.array(v, np.float32)[None] for k, v in own.items()}
         )
-        _write_picture(root / "recordings" / recording / "Color" / f"{name}.jpg", scale)
-        _write_keypoints(root / "keypoints" / recording / f"{name}_keypoints.json", body.joints, camera)
+        _write_picture(root / "recordings" / recording / "Color" / f"{name}.jpg")
+        _write_keypoints(root / "keypoints" / recording / f"{name}_keypoints.json", body.joints)
     return made
 
 
@@ -105,16 +95,16 @@ def _on_floor(files: Files, parameters: dict[str, Any]) -> dict[str, Any]:
     return parameters | {"transl": np.array(parameters["transl"]) + down * (0.01 - lowest)}
 
 
-def _write_picture(path: Path, scale: int) -> None:
+def _write_picture(path: Path) -> None:
     """What the camera saw is red on its left; the file is mirrored."""
-    pixels = np.zeros((scale * SIZE[1], scale * SIZE[0], 3), np.uint8)
-    pixels[:, scale * SIZE[0] // 2 :] = 255, 0, 0
+    pixels = np.zeros((SIZE[1], SIZE[0], 3), np.uint8)
+    pixels[:, SIZE[0] // 2 :] = 255, 0, 0
     path.parent.mkdir(parents=True, exist_ok=True)
     Image.fromarray(pixels).save(path, quality=95)
 
 
-def _write_keypoints(path: Path, joints: np.ndarray, camera: np.ndarray) -> None:
-    pixels = joints[:22] @ camera.T
+def _write_keypoints(path: Path, joints: np.ndarray) -> None:
+    pixels = joints[:22] @ K.T
     points = np.zeros((25, 3))
     points[:22, :2], points[:22, 2] = pixels[:, :2] / pixels[:, 2:], 0.9
     path.parent.mkdir(parents=True, exist_ok=True)
