@@ -3,7 +3,7 @@
 # make test [JOBS=2]            lint, types and the whole test suite
 # make test-ray                the tests of contrib/physic-ray, with a cluster on this machine
 # make kernels                  the tests that rounding could upset, with other kernels of the libraries
-# make fuzz [MINUTES=60]        attack readers of files with damaged input, then real runs (tools/attacks/fuzz.py)
+# make fuzz [MINUTES=60]        attack readers of files with damaged input (tools/attacks/fuzz.py)
 # make mutants                  remove each stated defence in turn, and require that its test fails (tools/attacks/mutants)
 # make test-lowest | test-newest the tests of make quick, with the lowest and the newest versions of all dependencies
 # make audit                    known vulnerabilities of the pinned dependencies; needs pip-audit and a network

@@ -1,15 +1,15 @@
-"""Every numeric setting has a least and a greatest value; ``tools/attacks/extremes.py`` runs them all."""
+"""Every numeric setting has a least and a greatest value."""
 
 from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
 from pydantic import BaseModel
 
-from extremes import extremes
 from physic_core import engine_preset_names
 from physic_core.configuration.model import PhotoSettings, RunSettings, stage_models
 from physic_core.discovery.plugins import discover
@@ -27,6 +27,45 @@ def models() -> list[Any]:
         if offer.origin.distribution.startswith("physic-"):
             found[f"{offer.record.interface} {offer.record.name}"] = registry.load_class(offer).Options
     return [pytest.param(model, id=name) for name, model in found.items()]
+
+
+def extremes(model: type[BaseModel]) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """The path of each numeric setting of a model, with its least and with its greatest value."""
+    schema = model.model_json_schema()
+    for name, field in schema["properties"].items():
+        yield from of_field(field, schema.get("$defs", {}), (name,))
+
+
+def of_field(field: Any, parts: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any]]:
+    if "$ref" in field:
+        field = parts[field["$ref"].rpartition("/")[2]]
+    for alternative in field.get("anyOf", []):
+        yield from of_field(alternative, parts, path)
+    if field.get("type") == "object":
+        for name, inner in field.get("properties", {}).items():
+            yield from of_field(inner, parts, (*path, name))
+    elif "enum" not in field and "const" not in field and field.get("type") in ("integer", "number", "array"):
+        for greatest in (False, True):
+            yield path, extreme(field, greatest)
+
+
+def extreme(field: Any, greatest: bool) -> Any:
+    """The least or the greatest value that a JSON Schema allows; of a list, the shortest or the longest one."""
+    if "enum" in field:
+        return field["enum"][-1 if greatest else 0]
+    if field["type"] == "array":
+        if "prefixItems" in field:
+            return [extreme(item, greatest) for item in field["prefixItems"]]
+        return [extreme(field["items"], greatest)] * (field["maxItems"] if greatest else field.get("minItems", 0))
+    if greatest and "multipleOf" in field:
+        return field["maximum"] // field["multipleOf"] * field["multipleOf"]
+    if greatest:
+        return field.get("maximum", math.inf) if "exclusiveMaximum" not in field else below(field["exclusiveMaximum"])
+    return field["minimum"] if "minimum" in field else -below(-field["exclusiveMinimum"])
+
+
+def below(bound: float) -> float:
+    return math.nextafter(bound, -math.inf)
 
 
 def numbers(value: Any) -> list[float]:

@@ -1,13 +1,9 @@
-"""Attack readers and runs for as long as you like: ``python tools/attacks/fuzz.py [TARGET ...] [--minutes 10]``.
+"""Attack readers of files for as long as you like: ``python tools/attacks/fuzz.py [TARGET ...] [--minutes 10]``.
 
-Without TARGET, half of the time is for all targets, which are readers, and half for the other scripts of this folder,
-such as ``extremes.py``. A script exits with 1 if something failed. If it takes ``--minutes`` and ``--keep FOLDER``,
-it ends in time and writes what failed into the folder.
-
-Each target gets its share of the time, in a process of its own with 8 GB of address space at most. With ``atheris``
-installed, coverage guides the mutations; without it they are random, seeded by ``--seed``. An input that fails is
-written to ``--keep`` with its traceback beside it; after the fix, move it to ``corpus/TARGET/``. ``--case N`` runs one
-case of the tests again.
+Each target, or all without TARGET, gets its share of the time, in a process of its own with 8 GB of address space at
+most. With ``atheris`` installed, coverage guides the mutations; without it they are random, seeded by ``--seed``. An
+input that fails is written to ``--keep`` with its traceback beside it; after the fix, move it to ``corpus/TARGET/``.
+``--case N`` runs one case of the tests again.
 """
 
 from __future__ import annotations
@@ -30,9 +26,6 @@ from fuzzing.targets import all_targets
 
 ADDRESS_SPACE = 8 << 30
 READERS = ("physic_core", "PIL", "pydantic", "numpy.lib", "zipfile", "tarfile", "json", "tomllib", "pickle", "csv")
-SCRIPTS = sorted(
-    path for path in Path(__file__).parent.glob("*.py") if path.stem != "fuzz" and "__main__" in path.read_text()
-)
 
 
 def attack_once(target: Target, data: bytes, keep: Path) -> bool:
@@ -94,7 +87,7 @@ def _functions_of_readers() -> list[FunctionType]:
 
 
 def main() -> int:
-    """Run targets and scripts one after another; return 1 if something failed."""
+    """Run targets one after another; return 1 if something failed."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("targets", nargs="*", metavar="TARGET")
     parser.add_argument("--minutes", type=float, default=10)
@@ -125,25 +118,15 @@ def main() -> int:
     except ImportError:
         print("atheris is not installed: mutations are random", flush=True)
         given.random = True
-    scripts = [] if given.targets else SCRIPTS
-    minutes = given.minutes / 2 if scripts else given.minutes
     bad = []
     for target in chosen:
-        words = [target.name, "--one", str(60 * minutes / len(chosen)), "--seed", str(given.seed)]
+        words = [target.name, "--one", str(60 * given.minutes / len(chosen)), "--seed", str(given.seed)]
         words += ["--keep", str(given.keep)] + (["--random"] if given.random else [])
         ended = subprocess.run([sys.executable, __file__, *words], check=False).returncode
         kept = list((given.keep / target.name).glob("*.txt"))
         if ended or kept:
             bad.append(target.name)
         print(f"{target.name}: {len(kept)} inputs failed, the process ended with {ended}", flush=True)
-    for script in scripts:
-        words = ["--minutes", str(minutes / len(scripts)), "--keep", str(given.keep / script.stem)]
-        if '"--minutes"' not in script.read_text():  # its work has an end of its own
-            words = []
-        ended = subprocess.run([sys.executable, str(script), *words], check=False).returncode
-        if ended:
-            bad.append(script.stem)
-        print(f"{script.stem}: the process ended with {ended}", flush=True)
     print("failed: " + ", ".join(bad) if bad else "nothing failed", flush=True)
     return 1 if bad else 0
 
