@@ -10,7 +10,7 @@ import numpy as np
 
 from physic_core import Pipeline
 from physic_core.interfaces import INTERFACES, PHOTO_INTERFACES
-from physic_core.types import BodyParameters, CameraTrust, Hands, Intrinsics, Keypoints, People
+from physic_core.types import Intrinsics, People
 from physic_mock import backends
 
 if TYPE_CHECKING:
@@ -142,10 +142,6 @@ def _some_camera(result: Any) -> Intrinsics:
     return result.intrinsics or Intrinsics.from_focal(width, width, height)
 
 
-def _known(result: Any) -> Any:
-    return replace(result, intrinsics=replace(_some_camera(result), fx=1e-9, fy=1e-9, trust=CameraTrust.KNOWN))
-
-
 def _people(count: int, pixel: Callable[[int, int, int], tuple[int, int]]) -> Change:
     """``count`` people of one pixel each."""
 
@@ -177,15 +173,13 @@ class _Subclass(np.ndarray):
     pass
 
 
-_NAN, _INF = np.nan, np.inf
+_INF = np.inf
 _S, _I, _M, _R = "segmenter", "inpainter", "metric_depth", "relative_pointmap"
 _K, _B, _H, _C = "keypoint_detector", "body_estimator", "hand_estimator", "contact_prior"
-_PARAMETERS = tuple(name for name in BodyParameters.__dataclass_fields__ if name != "expression")
 
 DEVIATIONS: tuple[Deviation, ...] = (
     # ---- segmenter
     Deviation(_S, "all-True mask", _full_mask),
-    Deviation(_S, "person of 1 pixel", _people(1, lambda i, w, h: (w // 2, h // 2))),
     Deviation(_S, "8 people of 1 pixel", _people(8, lambda i, w, h: (i % w, i // w))),
     Deviation(_S, "boxes far outside", _boxes(1e9, 1e9, 2e9, 2e9), "boxes must be x0 y0 x1 y1 inside"),
     Deviation(_S, "denormal boxes", _boxes(0, 0, 1e-40, 1e-40)),
@@ -193,157 +187,57 @@ DEVIATIONS: tuple[Deviation, ...] = (
     Deviation(_S, "infinite scores", _set(scores=_INF), "scores must lie in [0, 1]"),
     Deviation(_S, "floor everywhere", _set(floor=True)),
     Deviation(_S, "floor nowhere", _set(floor=False)),
-    Deviation(
-        _S,
-        "keypoints at 1e9 px",
-        lambda r: replace(r, keypoints=Keypoints(np.full((len(r), 17, 2), 1e9), np.ones((len(r), 17)), "coco17")),
-        "points must",
-    ),
     # ---- inpainter
     Deviation(_I, "another size", lambda image: image[:-1], "image must be"),
-    Deviation(_I, "no pixels", lambda image: image[:0], "image must be"),
     Deviation(_I, "text", lambda image: "image", "image must be a numpy array"),
     Deviation(_I, "read-only and strided", lambda image: np.broadcast_to(image[:1, :1], image.shape)),
-    Deviation(_I, "black", np.zeros_like),
     # ---- relative point map
     Deviation(_R, "all points equal", _set(points=1.0)),
-    Deviation(
-        _R,
-        "points of 1e-30",
-        lambda r: replace(r, points=r.points * np.float32(1e-30)),
-        "the median of z must lie between 1e-09 and 1e+09",
-    ),
-    Deviation(
-        _R,
-        "points of 1e30",
-        lambda r: replace(r, points=r.points * np.float32(1e30)),
-        "the median of z must lie between 1e-09 and 1e+09",
-    ),
+    Deviation(_R, "denormal points", _set(points=1e-42), "the median of z must lie between"),
     Deviation(_R, "points of 1e-3", lambda r: replace(r, points=r.points * np.float32(1e-3))),
-    Deviation(_R, "points of 1e3", lambda r: replace(r, points=r.points * np.float32(1e3))),
-    Deviation(_R, "denormal points", _set(points=1e-42), "the median of z must lie between 1e-09 and 1e+09"),
-    Deviation(
-        _R,
-        "points of float64 1e300",
-        lambda r: replace(r, points=r.points.astype(np.float64) * 1e300),
-        "the median of z must lie between 1e-09 and 1e+09",
-    ),
     Deviation(_R, "one pixel valid", lambda r: replace(r, valid=_only(r.valid, 1))),
-    Deviation(_R, "ten pixels valid", lambda r: replace(r, valid=_only(r.valid, 10))),
     Deviation(_R, "infinite points", _set(points=_INF), "points must be finite"),
     Deviation(_R, "all x and y zero", lambda r: replace(r, points=r.points * np.float32([0, 0, 1]))),
     Deviation(_R, "one point at 1e30", lambda r: replace(r, points=_one(r.points, 1e30))),
     Deviation(_R, "float16", lambda r: replace(r, points=r.points.astype(np.float16))),
     Deviation(_R, "focal length of 1e-9 px", _camera(fx=1e-9, fy=1e-9), "fx and fy must lie between"),
-    Deviation(_R, "focal length of 1e9 px", _camera(fx=1e9, fy=1e9), "fx and fy must lie between"),
     Deviation(_R, "principal point at 1e9 px", _camera(cx=1e9), "cx and cy must lie within"),
     # ---- metric depth
     Deviation(_M, "all equal", _set(depth=3.0)),
-    Deviation(_M, "1e-30 m", _set(depth=1e-30), "the median of depth must lie between 0.001 and 100000 m"),
-    Deviation(_M, "1e30 m", _set(depth=1e30), "the median of depth must lie between 0.001 and 100000 m"),
-    Deviation(_M, "denormal", _set(depth=1e-42), "the median of depth must lie between 0.001 and 100000 m"),
-    Deviation(
-        _M,
-        "float64 1e300 m",
-        lambda r: replace(r, depth=r.depth.astype(np.float64) * 1e300),
-        "the median of depth must lie between 0.001 and 100000 m",
-    ),
+    Deviation(_M, "1e30 m", _set(depth=1e30), "the median of depth must lie between"),
     Deviation(_M, "scale of 0", _set(depth=0.0), "depth must be > 0 m"),
-    Deviation(
-        _M,
-        "scale of 1e-6",
-        lambda r: replace(r, depth=r.depth * np.float32(1e-6)),
-        "the median of depth must lie between 0.001 and 100000 m",
-    ),
-    Deviation(
-        _M,
-        "scale of 1e6",
-        lambda r: replace(r, depth=r.depth * np.float32(1e6)),
-        "the median of depth must lie between 0.001 and 100000 m",
-    ),
     Deviation(_M, "one pixel known", lambda r: replace(r, depth=np.where(_only(r.depth > 0, 1), r.depth, np.nan))),
     Deviation(_M, "one pixel at 1e30", lambda r: replace(r, depth=_one(r.depth, 1e30))),
     Deviation(_M, "infinities and NaN", lambda r: replace(r, depth=_checkered(r.depth))),
-    Deviation(_M, "focal length of 1e-9 px", _camera(fx=1e-9, fy=1e-9), "fx and fy must lie between"),
-    Deviation(_M, "known focal length of 1e-9 px", _known, "fx and fy must lie between"),
-    Deviation(_M, "focal length of 1e9 px", _camera(fx=1e9, fy=1e9), "fx and fy must lie between"),
-    Deviation(
-        _M,
-        "scale_sigma of 1e30",
-        lambda r: replace(r, scale_sigma=1e30),
-        "scale_sigma must be a number from 0 to 1000 or None",
-    ),
+    Deviation(_M, "scale_sigma of 1e30", lambda r: replace(r, scale_sigma=1e30), "scale_sigma must be"),
     Deviation(_M, "scale_sigma of 0", lambda r: replace(r, scale_sigma=0.0)),
-    Deviation(
-        _M,
-        "masked array",
-        lambda r: replace(r, depth=np.ma.masked_less(r.depth, 3.0)),
-        "got MaskedArray: write .filled(...)",
-    ),
-    Deviation(
-        _M,
-        "subclass of ndarray",
-        lambda r: replace(r, depth=r.depth.view(_Subclass)),
-        "got _Subclass: write numpy.asarray(...)",
-    ),
+    Deviation(_M, "masked array", lambda r: replace(r, depth=np.ma.masked_less(r.depth, 3.0)), "got MaskedArray"),
+    Deviation(_M, "subclass of ndarray", lambda r: replace(r, depth=r.depth.view(_Subclass)), "got _Subclass"),
     Deviation(_M, "array of objects", lambda r: replace(r, depth=r.depth.astype(object)), "depth must be float"),
     Deviation(_M, "big-endian", lambda r: replace(r, depth=r.depth.astype(">f4"))),
     Deviation(_M, "long notes", lambda r: replace(r, notes=("x" * 1_000_000,))),
     # ---- keypoints
-    Deviation(_K, "at 1e9 px", _set(points=1e9), "points must lie within +-100000 px"),
-    Deviation(_K, "one at 1e9 px", _set(points=_first(1e9)), "points must lie within +-100000 px"),
-    Deviation(_K, "at 1e30 px", _set(points=1e30), "points must lie within +-100000 px"),
+    Deviation(_K, "one at 1e9 px", _set(points=_first(1e9)), "points must lie within"),
     Deviation(_K, "all in one place", _set(points=100.0)),
-    Deviation(_K, "denormal", _set(points=1e-42)),
     Deviation(_K, "infinite", _set(points=_INF), "points must be finite"),
     Deviation(_K, "confidence of 0", _set(confidence=0.0)),
-    Deviation(_K, "denormal confidence", _set(confidence=1e-42)),
     Deviation(_K, "negative confidence", _set(confidence=-1.0), "confidence must lie in [0, 1]"),
-    Deviation(
-        _K,
-        "world at 1e9 m",
-        lambda r: replace(r, world=np.full((*r.points.shape[:2], 3), 1e9)),
-        "world must lie within +-10000 m",
-    ),
-    Deviation(
-        _K,
-        "no joints",
-        lambda r: replace(r, points=r.points[:, :0], confidence=r.confidence[:, :0]),
-        "points must be those of the skeleton",
-    ),
+    Deviation(_K, "world at 1e9 m", lambda r: replace(r, world=np.full((*r.points.shape[:2], 3), 1e9)), "world must"),
     Deviation(_K, "one person too many", lambda r: replace(r, points=np.repeat(r.points, 2, 0)), "points must be"),
     # ---- bodies
-    *(Deviation(_B, f"{name} of 1e20", _parameters(**{name: 1e20}), f"{name} must lie within") for name in _PARAMETERS),
-    *(Deviation(_B, f"infinite {name}", _parameters(**{name: _INF}), f"{name} must be finite") for name in _PARAMETERS),
-    Deviation(_B, "betas of 50", _parameters(betas=50.0)),
-    Deviation(_B, "first of betas 30", _parameters(betas=_first(30.0))),
-    Deviation(_B, "transl of 1e9", _parameters(transl=1e9), "transl must lie within +-10000 m"),
-    Deviation(_B, "transl of 1e5", _parameters(transl=_first(1e5)), "transl must lie within +-10000 m"),
+    Deviation(_B, "betas of 1e20", _parameters(betas=1e20), "betas must lie within"),
+    Deviation(_B, "infinite transl", _parameters(transl=_INF), "transl must be finite"),
     Deviation(_B, "betas of 100", _parameters(betas=100.0)),
     Deviation(_B, "transl of 1e4", _parameters(transl=_first(1e4))),
     Deviation(_B, "behind the camera", _parameters(transl=lambda t: t * [1, 1, -1])),
     Deviation(_B, "transl of 0", _parameters(transl=0.0)),
-    Deviation(_B, "rotations of 1e6 rad", _parameters(body_pose=1e6), "body_pose must lie within +-1000 rad"),
-    Deviation(
-        _B,
-        "joints at 1e9 m",
-        lambda r: replace(r, joints=np.full((len(r.parameters), 55, 3), 1e9)),
-        "joints must be within +-10000 m",
-    ),
+    Deviation(_B, "rotations of 1e6 rad", _parameters(body_pose=1e6), "body_pose must lie within"),
+    Deviation(_B, "joints at 1e9 m", lambda r: replace(r, joints=np.full((len(r.parameters), 55, 3), 1e9)), "joints"),
     # ---- hands
     Deviation(_H, "1e20 rad", _set(rotvecs=1e20, confidence=1.0), missing=True),
-    Deviation(_H, "infinite", _set(rotvecs=_INF, confidence=1.0), missing=True),
-    Deviation(
-        _H,
-        "wrists of 1e20 rad",
-        lambda r: Hands(r.rotvecs, np.ones_like(r.confidence), np.full((len(r.rotvecs), 2, 3), 1e20)),
-        missing=True,
-    ),
     # ---- contact
     Deviation(_C, "probability of 2", _set(probability=2.0), missing=True),
-    Deviation(_C, "probability of -1", _set(probability=-1.0), missing=True),
     Deviation(_C, "probability of 1", _set(probability=1.0)),
-    Deviation(_C, "denormal probability", _set(probability=1e-42)),
     Deviation(_C, "no vertices", lambda r: replace(r, probability=r.probability[:, :0]), missing=True),
 )
 
