@@ -1,10 +1,10 @@
 """How much a reconstruction depends on the kernels that OpenBLAS, ATen, MKL and numpy choose for the CPU.
 
-    python benchmarks/kernels.py [--worlds 20] [--jobs 1]                 worlds, preset "mock"
-    python benchmarks/kernels.py photos/ more.jpg --preset embedded       photos, or folders of them
+    python -m benchmarks.kernels [--worlds 20] [--jobs 1]                 worlds, preset "mock"
+    python -m benchmarks.kernels photos/ more.jpg --preset embedded       photos, or folders of them
 
 Runs everything under each kernel set in a process of its own, without the cache, and compares with the first set. Ends
-with 1 where joints, floors or contact differ by more than the limits, or a check holds under one set and not under
+with 1 where vertices, floors or contact differ by more than the limits, or a check holds under one set and not under
 another, and with 2 where two sets compute bit for bit the same, so that their comparison would show nothing. Kernels
 that the CPU does not have are skipped.
 """
@@ -15,7 +15,6 @@ import argparse
 import hashlib
 import json
 import os
-import pickle
 import platform
 import subprocess
 import sys
@@ -26,6 +25,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from benchmarks.jumps import jump
+from physic_core import Reconstruction
 
 SETS: dict[str, dict[str, str]] = {
     "Haswell": {
@@ -43,24 +45,16 @@ SETS: dict[str, dict[str, str]] = {
     "SkylakeX": {"OPENBLAS_CORETYPE": "SkylakeX", "ATEN_CPU_CAPABILITY": "avx512"},
 }
 NEEDS = {"Haswell": ("X86_V3", "AVX2"), "SkylakeX": ("X86_V4", "AVX512_SKX")}
-JOINT_MM, FLOOR_DEG, CONTACT_SHARE = 5.0, 0.5, 0.01
+VERTEX_MM, FLOOR_DEG, LABELS = 5.0, 0.5, 1.0
 PHOTOS = (".jpg", ".jpeg", ".png")
-
-
-@dataclass(frozen=True)
-class KernelOutcome:
-    """What is compared of one reconstruction; ``error`` instead of it."""
-
-    joints: Any = None  # (N, 55, 3)
-    floor: Any = None  # (4,) normal and offset, or None
-    contact: Any = None  # (N, V)
-    checks: Any = None  # {(name, person): ok}
-    error: str = ""
+PROGRAM = (sys.executable, "-m", "benchmarks.kernels")
 
 
 def main() -> int:
     """Run, compare, print."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.kernels", description=(__doc__ or "").partition("\n")[0]
+    )
     parser.add_argument("photos", nargs="*", type=Path, help="photos or folders of photos; worlds where none is given")
     parser.add_argument("--preset", help="preset or config file; embedded for photos, mock for worlds")
     parser.add_argument("--worlds", type=int, default=20, help="how many worlds")
@@ -68,14 +62,14 @@ def main() -> int:
     parser.add_argument("--size", default="320x240", help="of the worlds' photos")
     parser.add_argument("--sets", default=",".join(SETS), help="kernel sets")
     parser.add_argument("--jobs", type=int, default=1, help="sets at once")
-    parser.add_argument("--child", nargs=2, help=argparse.SUPPRESS)
+    parser.add_argument("--child", type=Path, help=argparse.SUPPRESS)
     parser.add_argument("--probe", action="store_true", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.probe:
         print(arithmetic_digest())
         return 0
     if given.child:
-        return answer_all(*given.child)
+        return answer_all(given.child)
     names = [name for name in given.sets.split(",") if runs_here(name)]
     if len(names) < 2:
         print(f"This CPU runs only {', '.join(names) or 'none'} of the kernel sets {given.sets}: nothing to compare.")
@@ -89,9 +83,9 @@ def main() -> int:
         "preset": given.preset or ("embedded" if given.photos else "mock"),
         "size": [int(side) for side in given.size.split("x")],
     }
-    with ThreadPoolExecutor(given.jobs) as pool:
-        answers = dict(zip(names, pool.map(lambda name: run_set(name, task), names), strict=True))
-    return report([str(item) for item in items], answers)
+    with ThreadPoolExecutor(given.jobs) as pool, tempfile.TemporaryDirectory() as folder:
+        answers = list(pool.map(lambda name: run_set(name, task, Path(folder, name)), names))
+    return report([str(item) for item in items], dict(zip(names, answers, strict=True)))
 
 
 def runs_here(name: str) -> bool:
@@ -105,7 +99,7 @@ def runs_here(name: str) -> bool:
 
 def probe(name: str) -> str:
     """The digest of what a process computes under a kernel set."""
-    command = [sys.executable, __file__, "--probe"]
+    command = [*PROGRAM, "--probe"]
     return subprocess.run(command, env=os.environ | SETS[name], check=True, capture_output=True, text=True).stdout
 
 
@@ -144,119 +138,92 @@ def worlds_of(count: int, seed: int) -> list[str]:
     return [f"{name}:{own}" for name, own in benchmark_worlds(count, seed)]
 
 
-def run_set(name: str, task: dict[str, Any]) -> list[KernelOutcome]:
-    """All items under one kernel set."""
-    with tempfile.TemporaryDirectory() as folder:
-        asked, told = Path(folder) / "task.json", Path(folder) / "answers.pickle"
-        asked.write_text(json.dumps(task))
-        subprocess.run(
-            [sys.executable, __file__, "--child", str(asked), str(told)],
-            env=os.environ | SETS[name],
-            check=True,
-        )
-        answers: list[KernelOutcome] = [KernelOutcome(**fields) for fields in pickle.loads(told.read_bytes())]
-        return answers
+def run_set(name: str, task: dict[str, Any], folder: Path) -> list[Reconstruction | str]:
+    """Results of all items under one kernel set, or the error instead of one."""
+    folder.mkdir()
+    (folder / "task.json").write_text(json.dumps(task))
+    subprocess.run([*PROGRAM, "--child", str(folder)], env=os.environ | SETS[name], check=True)
+    return [
+        (folder / f"{i}.txt").read_text() if (folder / f"{i}.txt").exists() else Reconstruction.load(folder / f"{i}")
+        for i in range(len(task["items"]))
+    ]
 
 
-def answer_all(asked: str, told: str) -> int:
+def answer_all(folder: Path) -> int:
     """In the process of one kernel set: reconstruct everything."""
-    task = json.loads(Path(asked).read_text())
-    answers = []
-    for item in task["items"]:
-        answers.append(answer(item, task["preset"], task["size"]).__dict__)
-        print(os.environ["OPENBLAS_CORETYPE"], item, answers[-1]["error"], file=sys.stderr, flush=True)
-    Path(told).write_bytes(pickle.dumps(answers))
-    return 0
-
-
-def answer(item: str, preset: str, size: list[int]) -> KernelOutcome:
-    """Reconstruct one photo or world."""
     from physic_core.configuration.layers import is_path
     from physic_core.configuration.model import load_config
     from physic_core.errors import PhysicError
     from physic_core.pipeline.run import reconstruct
     from physic_testing.worlds import WORLDS, build_world
 
-    name, _, seed = item.rpartition(":")
-    chosen = {"file": preset} if is_path(preset) else {"preset": preset}
+    task = json.loads((folder / "task.json").read_text())
+    chosen = {"file" if is_path(task["preset"]) else "preset": task["preset"]}
     config = load_config(**chosen, overrides=["run.cache=false"])
-    try:
-        photo = build_world(name, int(seed), (size[0], size[1])).image if name in WORLDS else item
-        result = reconstruct(photo, config)
-    except PhysicError as error:
-        return KernelOutcome(error=str(error))
-    floor = result.scene.floor
-    return KernelOutcome(
-        joints=np.array([person.joints for person in result.people]),
-        floor=None if floor is None else np.array([*floor.normal, floor.offset]),
-        contact=np.array([person.contact for person in result.people]),
-        checks={(check.name, check.person): check.state for check in result.checks},
-    )
+    for i, item in enumerate(task["items"]):
+        name, _, seed = item.rpartition(":")
+        error = ""
+        try:
+            photo = build_world(name, int(seed), tuple(task["size"])).image if name in WORLDS else item
+            reconstruct(photo, config).save(folder / f"{i}", "numbers")
+        except PhysicError as cause:
+            error = str(cause)
+            (folder / f"{i}.txt").write_text(error)
+        print(os.environ["OPENBLAS_CORETYPE"], item, error, file=sys.stderr, flush=True)
+    return 0
 
 
 @dataclass(frozen=True)
 class Difference:
     """Of two answers about one photo; ``flips`` are checks that hold in one of them only."""
 
-    joint_mm: float
+    vertex_mm: float
     floor_deg: float
-    contact: float
+    labels: float
     flips: tuple[str, ...]
 
     @property
     def large(self) -> bool:
         """Whether it is beyond the limits."""
-        beyond = self.joint_mm > JOINT_MM or self.floor_deg > FLOOR_DEG or self.contact > CONTACT_SHARE
+        beyond = self.vertex_mm > VERTEX_MM or self.floor_deg > FLOOR_DEG or self.labels > LABELS
         return bool(beyond or self.flips)
 
 
-def difference(one: KernelOutcome, two: KernelOutcome) -> Difference:
+def difference(one: Reconstruction | str, two: Reconstruction | str) -> Difference:
     """Compare two answers; what cannot be compared is infinitely far apart."""
-    if one.error or two.error:
-        same = one.error == two.error
-        return Difference(*([0.0] * 3 if same else [np.inf] * 3), () if same else (f"{one.error!r}/{two.error!r}",))
-    if len(one.joints) != len(two.joints):
-        return Difference(np.inf, np.inf, np.inf, (f"{len(one.joints)}/{len(two.joints)} people",))
-    keys = sorted({*one.checks, *two.checks}, key=str)
+    if isinstance(one, str) or isinstance(two, str):
+        same = one == two
+        return Difference(*([0.0] * 3 if same else [np.inf] * 3), () if same else ("a result / an error",))
+    moved = jump(one, two)
+    states = [{(c.name, c.person): c.state for c in result.checks} for result in (one, two)]
     flips = [
-        f"{name}{'' if person is None else f' of {person}'}: {one.checks.get((name, person))}/"
-        f"{two.checks.get((name, person))}"
-        for name, person in keys
-        if one.checks.get((name, person), "none") != two.checks.get((name, person), "none")
+        f"{key[0]}{'' if key[1] is None else f' of {key[1]}'}: {' / '.join(state.get(key, 'none') for state in states)}"
+        for key in sorted({*states[0], *states[1]}, key=str)
+        if states[0].get(key) != states[1].get(key)
     ]
-    if not len(one.joints):
-        return Difference(0.0, floor_angle(one.floor, two.floor), 0.0, tuple(flips))
-    lost = np.isfinite(one.joints) != np.isfinite(two.joints)
-    apart = np.linalg.norm(np.nan_to_num(one.joints) - np.nan_to_num(two.joints), axis=-1)
-    return Difference(
-        np.inf if lost.any() else 1000 * float(apart.max()),
-        floor_angle(one.floor, two.floor),
-        float((one.contact != two.contact).mean(axis=1).max()),
-        tuple(flips),
-    )
+    floors = [None if r.scene.floor is None else r.scene.floor.normal for r in (one, two)]
+    return Difference(moved.vertex_mm, floor_angle(*floors), moved.labels, tuple(flips))
 
 
 def floor_angle(one: Any, two: Any) -> float:
-    """Degrees between two floors."""
+    """Degrees between the normals of two floors."""
     if one is None or two is None:
         return 0.0 if one is two else np.inf
-    sine = np.linalg.norm(np.cross(one[:3], two[:3]))
-    return float(np.degrees(np.arctan2(sine, one[:3] @ two[:3])))
+    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(one, two)), one @ two)))
 
 
-def report(items: list[str], answers: dict[str, list[KernelOutcome]]) -> int:
+def report(items: list[str], answers: dict[str, list[Reconstruction | str]]) -> int:
     """Print a row a photo, the worst of the sets against the first; 1 where one is beyond the limits."""
     first, *others = answers
-    print(f"{'against ' + first:44}{'joints mm':>10}{'floor deg':>10}{'contact %':>10}  checks that flip")
+    print(f"{'against ' + first:44}{'vertex mm':>10}{'floor deg':>10}{'labels %':>10}  checks that flip")
     large = 0
     for i, item in enumerate(items):
         for name in others:
             found = difference(answers[first][i], answers[name][i])
             large += found.large
-            row = f"{Path(item).name[:32] + ' ' + name:44}{found.joint_mm:10.3f}{found.floor_deg:10.3f}"
-            flips = "; ".join(found.flips)
-            print(f"{row}{100 * found.contact:10.2f}  {flips}{'  <-- beyond' if found.large else ''}")
-    print(f"{large} of {len(items) * len(others)} beyond {JOINT_MM:g} mm, {FLOOR_DEG} degrees, {CONTACT_SHARE:.0%}")
+            row = f"{Path(item).name[:32] + ' ' + name:44}{found.vertex_mm:10.3f}{found.floor_deg:10.3f}"
+            print(f"{row}{found.labels:10.2f}  {'; '.join(found.flips)}{'  <-- beyond' if found.large else ''}")
+    print(f"{large} of {len(items) * len(others)} beyond {VERTEX_MM:g} mm, {FLOOR_DEG} degrees, {LABELS:g} % of labels")
     return 1 if large else 0
 
 

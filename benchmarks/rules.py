@@ -182,7 +182,8 @@ def run_named(number: int, case: Any, out: Path, chosen: Sequence[str], removed:
 def run_case(number: int, case: Any, out: Path, chosen: tuple[Rule, ...], removed: tuple[Rule, ...]) -> str:
     """Run the missing rows of one world; return a line about it."""
     from physic_bench.worlds.evaluation import Evaluator
-    from physic_bench.worlds.world_evidence import cache_folder, estimate_evidence
+    from physic_bench.worlds.world_evidence import estimate_evidence
+    from physic_core.cache.folders import cache_folder
     from physic_core.files.strict_json import to_json
     from physic_testing.worlds import build_world
 
@@ -191,7 +192,7 @@ def run_case(number: int, case: Any, out: Path, chosen: tuple[Rule, ...], remove
         return f"{case.title}: done before"
     plan, model, skin = _setup()
     world = build_world(case.name, case.seed, case.size)
-    evidence = estimate_evidence(case, world, plan, model, cache_folder())
+    evidence = estimate_evidence(case, world, plan, model, cache_folder("bench"))
     evaluator = Evaluator(world, evidence.people.masks, skin)
     kept = FullModel()
     base: dict[str, Any] = {}

@@ -1,6 +1,6 @@
 """What a photo costs: processor time, memory and files of ``physic run PHOTO --no-cache``, the median of some runs.
 
-    python benchmarks/run_cost.py [--rounds 3]
+    python -m benchmarks.run_cost [--rounds 3]
 
 It writes ``benchmarks/run_cost.json`` with the commit and the machine, and the line of the README that states them. Run
 it on an idle machine, with everything committed.
@@ -23,6 +23,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tools"))
 import docs_numbers
 from docs_numbers import ROOT
 
+from benchmarks.processes import run_measured
+
 PHOTOS = ("examples/slope.jpg", "examples/couple.jpg")
 """One person and two, both 1280 px on the long side once the tool has read them."""
 CODE = ("physic_core", "plugins")
@@ -33,13 +35,9 @@ def run(photo: str) -> dict[str, float]:
     """Return processor seconds, peak memory in GB and megabytes of files of one run."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "physic_core", "run", photo, "--no-cache", "-o", f"{folder}/out"]
-        process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        _, status, usage = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-        if process.returncode:
-            raise SystemExit(f"`{' '.join(command)}` ended with {process.returncode}")
+        cost = run_measured(command, cwd=ROOT)
         files = sum(file.stat().st_size for file in Path(folder).rglob("*") if file.is_file())
-    return {"cpu_s": usage.ru_utime + usage.ru_stime, "memory_gb": usage.ru_maxrss / 2**20, "written_mb": files / 1e6}
+    return {"cpu_s": cost.cpu_s, "memory_gb": cost.memory_gb, "written_mb": files / 1e6}
 
 
 def git(*arguments: str) -> str:
@@ -58,7 +56,7 @@ def main() -> None:
         rounds = [run(photo) for _ in range(given.rounds)]
         measured[photo] = {key: round(statistics.median(one[key] for one in rounds), 1) for key in rounds[0]}
     cost = {
-        "commit": git("log", "-1", "--format=%h", "--abbrev=7", "--", *CODE),
+        "commit": docs_numbers.commit_of_code(),
         "date": git("log", "-1", "--format=%cs", "--", *CODE),
         "machine": f"{len(os.sched_getaffinity(0))} cores, {platform.machine()}",
         "load": round(os.getloadavg()[0], 1),

@@ -1,6 +1,6 @@
 """What it costs to exchange one estimator, when the cache has the results of an earlier run of the same photo.
 
-    python benchmarks/swap.py PHOTO [--rounds 3] [--report]
+    python -m benchmarks.swap PHOTO [--rounds 3] [--report]
 
 Runs ``physic run PHOTO`` with an empty cache, then, for each exchange, again with the cache of that run. Prints the
 processor seconds of all threads (medians of the rounds), their share of the whole run, and the stages whose backend was
@@ -14,11 +14,11 @@ import json
 import os
 import shutil
 import statistics
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
+from benchmarks.processes import run_measured
 from physic_core.cache.folders import CACHE_VARIABLE, CACHES
 
 SWAPS = {
@@ -44,14 +44,10 @@ def run(
         # Installed packages have their bytecode, whatever the environment of this process says.
         place = {**os.environ, CACHE_VARIABLE: str(cache), "PYTHONDONTWRITEBYTECODE": ""}
         place["PYTHONPYCACHEPREFIX"] = str(bytecode)
-        process = subprocess.Popen(command, env=place, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        _, status, usage = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-        if process.returncode:
-            raise SystemExit(f"`{' '.join(command)}` ended with {process.returncode}")
+        cost = run_measured(command, env=place)
         document = json.loads(Path(folder, "out", "reconstruction.json").read_bytes())
     called = [stage["name"] for stage in document["stages"] if stage["backend"] and not stage["cached"]]
-    return usage.ru_utime + usage.ru_stime, called
+    return cost.cpu_s, called
 
 
 def main() -> None:

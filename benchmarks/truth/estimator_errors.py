@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.body.joints import JOINT_INDEX
-from physic_core.metrics import pa_mpjpe_mm
+from physic_bench.joints import BODY_ROWS, BONES, HIPS, LIMB_JOINTS, SHOULDERS, SIDES, bone_lengths
+from physic_core.metrics import assign, pa_mpjpe_mm
+
+from .measures import box_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -24,26 +26,10 @@ if TYPE_CHECKING:
 
     Record = dict[str, Any]
 
-_SIDES = ("left", "right")
-LIMB_JOINTS = tuple(f"{side}_{n}" for n in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle") for side in _SIDES)
-"""The twelve joints that all data sets know; the order of all joints here."""
-
 LIMB_SETS = ("left_foot", "right_foot", "left_hand", "right_hand")
 """Contact sets of a body's limbs."""
 
-_ROW = {name: row for row, name in enumerate(LIMB_JOINTS)}
-_BODY_ROWS = [JOINT_INDEX[name] for name in LIMB_JOINTS]
-_SHOULDERS, _HIPS = [0, 1], [6, 7]
-_SEGMENTS = {
-    f"{side}_{name}": (_ROW[f"{side}_{upper}"], _ROW[f"{side}_{lower}"])
-    for name, upper, lower in (
-        ("upper_arm", "shoulder", "elbow"),
-        ("forearm", "elbow", "wrist"),
-        ("thigh", "hip", "knee"),
-        ("shank", "knee", "ankle"),
-    )
-    for side in _SIDES
-}
+_SEGMENTS = {f"{side}_{name}": pair for name, pairs in BONES.items() for side, pair in zip(SIDES, pairs, strict=True)}
 _MIN_JOINTS = 8
 _MATCH_LIMIT = 0.35  # of the box: the median joint of who is found is nearer
 _SWAP_GAIN = 0.5  # a swap at least halves the error
@@ -120,7 +106,7 @@ def world_truth(world: World, model: BodyModel) -> PhotoTruth:
     """Return what is known of a world, as of a photo of a calibrated camera with complete annotations."""
     from physic_testing.worlds.ground_truth import project
 
-    joints = world.joints[:, _BODY_ROWS].astype(np.float64)
+    joints = world.joints[:, BODY_ROWS].astype(np.float64)
     points = project(joints, world.intrinsics)
     touches = [
         {name: bool(world.contact[i, model.contact_sets[name].numpy()].any()) for name in LIMB_SETS}
@@ -128,7 +114,7 @@ def world_truth(world: World, model: BodyModel) -> PhotoTruth:
     ]
     return PhotoTruth(
         points=points,
-        seen=world.joints_visible[:, _BODY_ROWS].astype(np.float64),
+        seen=world.joints_visible[:, BODY_ROWS].astype(np.float64),
         boxes=np.stack([box_of(p) for p in points]),
         joints=joints,
         complete=True,
@@ -136,13 +122,6 @@ def world_truth(world: World, model: BodyModel) -> PhotoTruth:
         camera_height=float(world.floor.offset),
         touches=tuple(touches),
     )
-
-
-def box_of(points: FloatArray) -> FloatArray:
-    """Return the box (4,) of joints (12, 2) px, grown by a tenth: a body is larger than its joints."""
-    low, high = np.nanmin(points, 0), np.nanmax(points, 0)
-    margin = 0.1 * float((high - low).max())
-    return np.concatenate([low - margin, high + margin])
 
 
 def limb_points(keypoints: Keypoints) -> tuple[FloatArray, FloatArray]:
@@ -155,14 +134,12 @@ def limb_points(keypoints: Keypoints) -> tuple[FloatArray, FloatArray]:
 def _body_joints(estimates: Estimates, model: BodyModel) -> FloatArray:
     from physic_bench.worlds.evaluation import initial_estimate
 
-    joints: FloatArray = np.asarray(initial_estimate(estimates, model, 0.5).joints, np.float64)[:, _BODY_ROWS]
+    joints: FloatArray = np.asarray(initial_estimate(estimates, model, 0.5).joints, np.float64)[:, BODY_ROWS]
     return joints
 
 
 def _match(points: FloatArray, truth: PhotoTruth) -> dict[int, int]:
     """Return true person -> found person, by the median distance of the joints."""
-    from scipy.optimize import linear_sum_assignment
-
     cost = np.full((len(truth.boxes), len(points)), 9.0)
     for i, box in enumerate(truth.boxes):
         size = max(box[2] - box[0], box[3] - box[1])
@@ -171,8 +148,7 @@ def _match(points: FloatArray, truth: PhotoTruth) -> dict[int, int]:
             # A swap of left and right is an error of the found, and no other person.
             swapped = np.linalg.norm(points[:, _OTHER_SIDE] - truth.points[i], axis=-1) / size
             cost[i] = np.minimum(np.nanmedian(apart, 1), np.nanmedian(swapped, 1))
-    rows, columns = linear_sum_assignment(cost)
-    return {int(i): int(j) for i, j in zip(rows, columns, strict=True) if cost[i, j] < _MATCH_LIMIT}
+    return assign(cost.T, cost.T < _MATCH_LIMIT).predicted_of
 
 
 _OTHER_SIDE = [row ^ 1 for row in range(12)]
@@ -193,7 +169,7 @@ def _keypoint_records(points: FloatArray, confidence: FloatArray, truth: PhotoTr
     """Return a record for each known joint, with its error along and across the trunk as a share of the box."""
     box, true = truth.boxes[i], truth.points[i]
     size = float(max(box[2] - box[0], box[3] - box[1]))
-    trunk = true[_SHOULDERS].mean(0) - true[_HIPS].mean(0)
+    trunk = true[SHOULDERS].mean(0) - true[HIPS].mean(0)
     up = (
         trunk / np.linalg.norm(trunk) if np.isfinite(trunk).all() and np.linalg.norm(trunk) > 0 else np.array([0, -1.0])
     )
@@ -244,16 +220,14 @@ def _body_records(
     """Return the record of one body (12, 3), and those of its limb segments."""
     known: BoolArray = np.asarray(np.isfinite(true).all(-1), bool)
     record: Record = {"pa_mpjpe_mm": float(pa_mpjpe_mm(joints, np.where(known[:, None], true, 0.0), known))}
-    for name in ("upper_arm", "forearm", "thigh", "shank"):
-        pairs = [_SEGMENTS[f"{side}_{name}"] for side in _SIDES]
-        lengths = [(np.linalg.norm(joints[a] - joints[b]), np.linalg.norm(true[a] - true[b])) for a, b in pairs]
-        record[f"{name}_log"] = _log_ratio([e for e, t in lengths if t > 0], [t for e, t in lengths if t > 0])
-    every = [(np.linalg.norm(joints[a] - joints[b]), np.linalg.norm(true[a] - true[b])) for a, b in _SEGMENTS.values()]
-    record["bones_log"] = _log_ratio([e for e, t in every if t > 0], [t for e, t in every if t > 0])
-    trunk = [row for row in (*_SHOULDERS, *_HIPS) if known[row]]
+    own, real = bone_lengths(joints), bone_lengths(true)
+    both = [name for name in real if math.isfinite(real[name])]
+    ratio = sum(own[name] for name in both) / sum(real[name] for name in both) if both else math.nan
+    record["bones_log"] = math.log(ratio)
+    trunk = [row for row in (*SHOULDERS, *HIPS) if known[row]]
     if not camera_known or len(trunk) < 3:
         return record, []
-    middle, true_middle = joints[_HIPS].mean(0), true[[row for row in _HIPS if known[row]] or trunk].mean(0)
+    middle, true_middle = joints[HIPS].mean(0), true[[row for row in HIPS if known[row]] or trunk].mean(0)
     sight = true_middle / np.linalg.norm(true_middle)
     right = np.cross([0.0, 1.0, 0.0], sight)
     right /= np.linalg.norm(right)
@@ -272,10 +246,6 @@ def _body_records(
         if known[a] and known[b]
     ]
     return record, segments
-
-
-def _log_ratio(estimated: list[Any], true: list[Any]) -> float:
-    return math.log(sum(estimated) / sum(true)) if estimated else math.nan
 
 
 def _rotation(source: FloatArray, target: FloatArray) -> FloatArray:

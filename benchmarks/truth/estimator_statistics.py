@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from physic_core.metrics import ValueWithInterval, markdown_table, resampled_interval
+from physic_core.metrics import ValueWithInterval, markdown_table
+
+from .statistics import figure
 
 Record = Mapping[str, Any]
 Records = Sequence[Record]
-
-_DRAWS = 300
 
 
 @dataclass(frozen=True)
@@ -128,8 +128,8 @@ STATISTICS: dict[str, Statistic] = {
 
 
 def statistics_of(records: Mapping[str, Records]) -> dict[str, ValueWithInterval]:
-    """Return every statistic of the records by kind; each has its "photo"."""
-    return {label: _figure(records.get(statistic.kind, ()), statistic) for label, statistic in STATISTICS.items()}
+    """Return every statistic of the records by kind; each has its "set", "group" and "photo"."""
+    return {label: _figure(records.get(one.kind, ()), one) for label, one in STATISTICS.items()}
 
 
 def text_of(figures: Mapping[str, ValueWithInterval]) -> str:
@@ -143,20 +143,13 @@ def text_of(figures: Mapping[str, ValueWithInterval]) -> str:
 
 
 def _figure(records: Records, statistic: Statistic) -> ValueWithInterval:
-    """Return a statistic with its interval; NaN without a value, no interval of fewer than three photos."""
-    photos: dict[str, list[float]] = {}
-    for record in records:
-        values = [float(v) for v in statistic.value(record)]
-        if values := [v for v in values if math.isfinite(v)]:
-            photos.setdefault(f"{record.get('set')} {record['photo']}", []).extend(values)
-    groups = list(photos.values())
-    every = [v for group in groups for v in group]
-    if not every:
+    """Return a statistic with its interval, and the number of its values; NaN without one."""
+
+    def values(of: Records) -> list[float]:
+        return [float(v) for record in of for v in statistic.value(record) if math.isfinite(v)]
+
+    measured = [record for record in records if values([record])]
+    if not measured:
         return ValueWithInterval(math.nan)
-    value = statistic.reduce(every)
-    if len(groups) < 3:
-        return ValueWithInterval(value, count=len(every))
-    between = resampled_interval(
-        [groups], lambda drawn: statistic.reduce([v for group in drawn[0] for v in group]), _DRAWS
-    )
-    return ValueWithInterval(value, *between, len(every))
+    found = figure(measured, lambda strata: statistic.reduce(values([r for stratum in strata for r in stratum])))
+    return replace(found, count=len(values(measured)))

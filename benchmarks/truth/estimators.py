@@ -25,6 +25,7 @@ from physic_bench.triangulation import Triangulated, match_views, robust_joints
 
 from .__main__ import samples_of, without_nan
 from .arguments import add_arguments_of_photos
+from .measures import box_of
 from .scores import LIMBS, SEEN
 from .sets import Sample, camera_of, picture_of
 
@@ -154,7 +155,7 @@ def with_truth(found: Sequence[tuple[Sample, Estimates]]) -> Iterator[tuple[Samp
 
 def single_truth(sample: Sample, estimates: Estimates) -> PhotoTruth:
     """Of mpi_inf_3dhp: joints, and floor where it is known. What is hidden is not known."""
-    from benchmarks.truth.estimator_errors import PhotoTruth, box_of
+    from benchmarks.truth.estimator_errors import PhotoTruth
 
     joints = limb_joints(sample.truth["joints"], 3)
     points = joints @ np.array(sample.truth["K"]).T
@@ -216,7 +217,7 @@ def parkour_truth(sample: Sample, estimates: Estimates) -> PhotoTruth:
 
 def moment_truth(views: Sequence[tuple[Sample, Estimates]]) -> Iterator[tuple[Sample, Estimates, PhotoTruth]]:
     """Of several cameras: joints that the other views of the moment triangulate, and the calibrated floor."""
-    from benchmarks.truth.estimator_errors import PhotoTruth, box_of, limb_points
+    from benchmarks.truth.estimator_errors import PhotoTruth, limb_points
 
     cameras = [camera_of(sample) for sample, _ in views]
     detections = []

@@ -61,6 +61,13 @@ def floor_errors(floor: Array | None, up: Array, height: float) -> dict[str, Any
     }
 
 
+def box_of(points: Array) -> Array:
+    """Box (4,) of joints (12, 2) px, grown by a tenth: a body is larger than its joints."""
+    low, high = np.nanmin(points, 0), np.nanmax(points, 0)
+    margin = 0.1 * float((high - low).max())
+    return np.concatenate([low - margin, high + margin])
+
+
 def match_boxes(
     boxes: Sequence[Sequence[float]], true_boxes: Sequence[Sequence[float]], least: float
 ) -> dict[int, int]:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import shutil
-import subprocess
 import sys
 import tempfile
 import time
@@ -15,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from benchmarks.processes import run_measured
 from physic_bench.joints import LIMB_JOINTS
 
 from .measures import depth_errors
@@ -62,16 +61,14 @@ def _run(sample: Sample, out: Path, arguments: list[str]) -> dict[str, Any]:
         command += arguments
         began = time.perf_counter()
         with (Path(folder) / "log").open("w+") as log:
-            process = subprocess.Popen(command, stdout=log, stderr=log)
-            _, status, usage = os.wait4(process.pid, 0)
-            process.returncode = os.waitstatus_to_exitcode(status)
+            cost = run_measured(command, output=log, check=False)
             log.seek(0)
             lines = log.read().strip().splitlines()
-        times = {"wall_s": time.perf_counter() - began, "cpu_s": usage.ru_utime + usage.ru_stime}
-        if process.returncode in NO_RESULT:
+        times = {"wall_s": time.perf_counter() - began, "cpu_s": cost.cpu_s}
+        if cost.code in NO_RESULT:
             return {"error": lines[-1] if lines else "", "people": [], "floor": None, "checks": [], **times}
-        if process.returncode:
-            raise RuntimeError("\n".join([f"{' '.join(command)} ended with {process.returncode}:", *lines[-20:]]))
+        if cost.code:
+            raise RuntimeError("\n".join([f"{' '.join(command)} ended with {cost.code}:", *lines[-20:]]))
         preview = out / "previews" / sample.set / f"{sample.name}.png"
         preview.parent.mkdir(parents=True, exist_ok=True)
         if (results / "preview.png").exists():

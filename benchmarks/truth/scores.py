@@ -12,7 +12,7 @@ from physic_bench.joints import BODY_ROWS, is_upright, limb_joints, root
 from physic_bench.triangulation import match_views, visible_joints
 
 from .contact import part_record
-from .measures import floor_errors, match_people, points_error, pose_errors, spread_m
+from .measures import box_of, floor_errors, match_people, points_error, pose_errors, spread_m
 from .sets import Sample, camera_of
 
 if TYPE_CHECKING:
@@ -172,16 +172,9 @@ def projected(joints: Array, camera: Sequence[float]) -> Array:
 def _match(answer: Answer, pixels: Sequence[Array]) -> dict[int, Mapping[str, Any]]:
     """Of each true person, by the (12, 2) px of the joints, who is found of those with a body."""
     found = people_of(answer)
-    boxes = [_extent(points) for points in pixels]
+    boxes = [box_of(points).tolist() for points in pixels]
     rows = match_people([p["box"] for p in found], [keypoints_of(p) for p in found], boxes, pixels)
     return {i: found[j] for i, j in rows.items()}
-
-
-def _extent(points: Array) -> list[float]:
-    """Box around joints, grown by a tenth: a body is larger than its joints."""
-    low, high = np.nanmin(points, 0), np.nanmax(points, 0)
-    margin = 0.1 * float((high - low).max())
-    return [*(low - margin), *(high + margin)]
 
 
 def _of(sample: Sample) -> Record:

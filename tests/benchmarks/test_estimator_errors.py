@@ -96,7 +96,9 @@ def test_a_nearer_body_and_swapped_keypoints_are_measured(estimates, truth, mode
 
 
 def test_statistics_have_intervals_over_photos():
-    records = {"bodies": [{"photo": f"{k}", "pa_mpjpe_mm": float(10 * k)} for k in range(1, 10)]}
+    records = {
+        "bodies": [{"set": "a", "group": f"{k}", "photo": f"{k}", "pa_mpjpe_mm": float(10 * k)} for k in range(1, 10)]
+    }
     figures = statistics_of(records)
     assert set(figures) == set(STATISTICS)
     mean = figures["bodies: PA-MPJPE mm, mean"]
