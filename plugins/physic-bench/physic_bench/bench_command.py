@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -144,18 +140,9 @@ def _measure_accuracy(options: _AccuracyOptions) -> None:
     work = BenchmarkJob(noisy, chosen, None if options.no_cache else (options.cache or cache_folder("bench")))
     cases = benchmark_cases(options.worlds, options.seed, options.size, options.actions)
     cases = with_other_bodies(cases) if options.other_bodies else cases
-    settings = {
-        "worlds": options.worlds,
-        "seed": options.seed,
-        "preset": options.preset,
-        "size": list(options.size),
-        "noise_seed": options.noise_seed,
-        "noise_version": options.noise_version,
-        "other_bodies": options.other_bodies,
-        "actions": options.actions,
-        "set": list(options.overrides),
-        "config": noisy.as_dict(),
-    }
+    drawn = ("worlds", "seed", "preset", "size", "noise_seed", "noise_version", "other_bodies", "actions")
+    settings = {name: getattr(options, name) for name in drawn}
+    settings |= {"set": list(options.overrides), "config": noisy.as_dict()}
     _run(cases, work, options.jobs, options.out, settings)
 
 
@@ -202,11 +189,10 @@ def _run(cases: tuple[WorldCase, ...], work: BenchmarkJob, jobs: int, out: Path,
     records: list[dict[str, Any]] = []
     stopped: BaseException | None = None
     try:
-        with _progress(len(cases)) as progress:
-            for record in run_cases(cases, work, jobs):
-                records.append(record)
-                failed = " failed" if record["error"] or any(row["error"] for row in record["rows"].values()) else ""
-                progress(f"{record['name']} {record['seed']}{failed}")
+        for record in run_cases(cases, work, jobs):
+            records.append(record)
+            failed = " failed" if record["error"] or any(row["error"] for row in record["rows"].values()) else ""
+            echo(f"[{len(records)}/{len(cases)}] {record['name']} {record['seed']}{failed}", err=True)
     except (KeyboardInterrupt, PhysicError) as cause:  # raised again after the results are written
         stopped = cause
     results: Results = summarise_records(records, cases, work, settings)
@@ -218,38 +204,3 @@ def _run(cases: tuple[WorldCase, ...], work: BenchmarkJob, jobs: int, out: Path,
         raise stopped
     if stopped is not None:
         raise click.Abort
-
-
-@contextmanager
-def _progress(total: int) -> Iterator[Callable[[str], None]]:
-    """Report progress on stderr: a bar on a terminal, otherwise one line per world."""
-    if not sys.stderr.isatty():
-        done, start = 0, time.monotonic()
-
-        def say(title: str) -> None:
-            nonlocal done
-            done += 1
-            echo(f"[{done}/{total}] {title}  ({time.monotonic() - start:.0f} s)", err=True)
-
-        yield say
-        return
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
-    columns = (
-        TextColumn("{task.description:<24}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("worlds", total=total)
-        yield lambda title: bar.update(task, description=title, advance=1)

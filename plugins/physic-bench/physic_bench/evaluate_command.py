@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,16 +13,14 @@ from physic_bench.datasets import DATA_SETS, data_set
 from physic_bench.wording import counted
 from physic_core.cli.arguments import AnyPath
 from physic_core.cli.output import echo
-from physic_core.errors import InputError, PhysicError
+from physic_core.errors import InputError
 
 if TYPE_CHECKING:
     from physic_bench.bodies import BodyFiles
     from physic_bench.contract import Frame
     from physic_bench.datasets.base import DataSet
-    from physic_bench.evaluation import Method, UnexpectedError
+    from physic_bench.evaluation import Method
     from physic_bench.reconstruct import ReconstructionSettings
-
-NAMED_ERRORS = 5
 
 
 class _DataSets(click.Group):
@@ -207,18 +205,6 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
     for file in files:
         if file.parent == given.out:
             echo(f"wrote {file}")
-    if evaluation.errors:
-        echo("".join(error.traceback for error in evaluation.errors), nl=False, err=True)
-        raise PhysicError(_words_of(evaluation.errors))
-
-
-def _words_of(errors: Sequence[UnexpectedError]) -> str:
-    named = "; ".join(f"{error.where}: {error.message}" for error in errors[:NAMED_ERRORS])
-    more = f"; and {len(errors) - NAMED_ERRORS} more" if len(errors) > NAMED_ERRORS else ""
-    return (
-        f"{counted(len(errors), 'score')} failed by an error of this program, not of a file, and the table counts them "
-        f"as without a result: {named}{more}. PHYSIC_DEBUG=1 prints the tracebacks. Please report it"
-    )
 
 
 def _header(chosen: DataSet, options: Any, given: _Given, frames: int) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from physic_bench.frame_of_results import into_camera
+from physic_core.errors import PhysicError
 
 if TYPE_CHECKING:
     from physic_bench.contract import Frame, Prediction
@@ -41,35 +42,8 @@ class Method:
         """Return the result of a frame; None too if it cannot be read, which its record has the reason of."""
         try:
             return self.result(frame)
-        except Exception:
+        except PhysicError:
             return None
-
-
-@dataclass(frozen=True)
-class UnexpectedError:
-    """An exception that no damaged file explains: an error of this program.
-
-    Attributes:
-        where: frame, and method if there is one.
-        message: class, message and code line of the exception.
-        traceback: as text if PHYSIC_DEBUG is set, else "".
-    """
-
-    where: str
-    message: str
-    traceback: str
-
-    @classmethod
-    def of(cls, error: Exception, where: str) -> UnexpectedError:
-        """Describe an exception; the object can be pickled."""
-        from physic_core.discovery.error_text import describe_error, traceback_text
-
-        return cls(where, describe_error(error, __package__), traceback_text(error))
-
-    @property
-    def reason(self) -> str:
-        """The reason in a record."""
-        return f"unexpected error: {self.message}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +57,6 @@ class Evaluation:
         records: one per annotated person and method.
         notes: sentences that the figures depend on.
         left_out: frame id -> why it is not scored.
-        errors: exceptions that are errors of this program.
     """
 
     methods: tuple[Method, ...]
@@ -92,4 +65,3 @@ class Evaluation:
     records: tuple[Record, ...]
     notes: tuple[str, ...]
     left_out: Mapping[str, str]
-    errors: tuple[UnexpectedError, ...] = ()

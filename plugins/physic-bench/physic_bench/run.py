@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from physic_bench.evaluation import Evaluation, Method, UnexpectedError
+from physic_bench.evaluation import Evaluation, Method
 from physic_bench.frame_of_results import check_frame
 from physic_bench.score_journal import SCORES, append_scores, known_scores, rules_digest, score_digest
-from physic_bench.scoring import base_record, score_frame
+from physic_bench.scoring import score_frame
 from physic_bench.validation import checked_truth
 from physic_bench.wording import counted
 from physic_core.errors import InputError, PhysicError
@@ -42,13 +42,11 @@ class MethodScores:
         method: name.
         digest: of everything that they depend on.
         records: one per annotated person; None if the journal has them.
-        error: None unless this program failed; then the records are of people who were not found.
     """
 
     method: str
     digest: str
     records: tuple[Record, ...] | None
-    error: UnexpectedError | None = None
 
 
 @dataclass(frozen=True)
@@ -59,13 +57,11 @@ class FrameScores:
         frame: its id.
         methods: scores of each method.
         left_out: why the frame has none; "" if it has.
-        error: None unless this program failed on the truth.
     """
 
     frame: str
     methods: tuple[MethodScores, ...] = ()
     left_out: str = ""
-    error: UnexpectedError | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,35 +79,27 @@ class FrameScorer:
     known: frozenset[str] = frozenset()
 
     def __call__(self, frame: Frame) -> FrameScores:
-        """Return the scores of a frame; exceptions become reasons."""
+        """Return the scores of a frame; damaged files become reasons."""
         try:
             truth = checked_truth(frame)
         except PhysicError as error:
             return FrameScores(frame.id, left_out=str(error))
-        except Exception as error:
-            unexpected = UnexpectedError.of(error, frame.id)
-            return FrameScores(frame.id, left_out=unexpected.reason, error=unexpected)
         return FrameScores(frame.id, tuple(self._scores(frame, truth, method) for method in self.methods))
 
     def _scores(self, frame: Frame, truth: Truth, method: Method) -> MethodScores:
+        prediction, reason = None, method.failures.get(frame.id, "no result")
         try:
-            prediction, reason = None, method.failures.get(frame.id, "no result")
-            try:
-                prediction = method.result(frame)
-            except PhysicError as error:
-                reason = str(error)
-            reason = "" if prediction else reason
-            digest = score_digest(rules_digest(self.carrier), frame, truth, prediction, method.name, reason)
-            if digest in self.known:
-                return MethodScores(method.name, digest, None)
-            own = score_frame(frame, truth, prediction, method.name, self.carrier, reason)
-            if frame.group and prediction is not None:
-                own = [record | _world_hips(record, frame) for record in own]
-            return MethodScores(method.name, digest, tuple(own))
-        except Exception as error:
-            unexpected = UnexpectedError.of(error, f"{frame.id} ({method.name})")
-            lost = (base_record(frame, method.name, person, unexpected.reason) for person in truth.people)
-            return MethodScores(method.name, "", tuple(record | {"has_result": False} for record in lost), unexpected)
+            prediction = method.result(frame)
+        except PhysicError as error:
+            reason = str(error)
+        reason = "" if prediction else reason
+        digest = score_digest(rules_digest(self.carrier), frame, truth, prediction, method.name, reason)
+        if digest in self.known:
+            return MethodScores(method.name, digest, None)
+        own = score_frame(frame, truth, prediction, method.name, self.carrier, reason)
+        if frame.group and prediction is not None:
+            own = [record | _world_hips(record, frame) for record in own]
+        return MethodScores(method.name, digest, tuple(own))
 
 
 def require_any_truth(frames: Sequence[Frame], root: Path) -> None:
@@ -127,8 +115,6 @@ def require_any_truth(frames: Sequence[Frame], root: Path) -> None:
             return
         except PhysicError as error:
             reason = reason or str(error)
-        except Exception:
-            return  # scoring reports it
     raise InputError(f"no frame of {root} can be evaluated: {reason}")
 
 
@@ -169,10 +155,10 @@ def evaluate_methods(
     for name, check in checks.items():
         report(f"{name}: {check.sentence()}")
     methods = [replace(method, frame=checks[method.name].frame) for method in methods]
-    records, left_out, errors = _all_scores(found, methods, carrier, workers, out, report)
+    records, left_out = _all_scores(found, methods, carrier, workers, out, report)
     ordered = [record for frame in found.frames for record in records.get(frame.id, ())]
     kept = tuple(frame for frame in found.frames if frame.id not in left_out)
-    return Evaluation(tuple(methods), kept, checks, tuple(_with_spread(ordered)), found.notes, left_out, errors)
+    return Evaluation(tuple(methods), kept, checks, tuple(_with_spread(ordered)), found.notes, left_out)
 
 
 def _all_scores(
@@ -182,8 +168,8 @@ def _all_scores(
     workers: int,
     out: Path | None,
     report: Callable[[str], None],
-) -> tuple[dict[str, list[Record]], dict[str, str], tuple[UnexpectedError, ...]]:
-    """Return frame id -> records, frame id -> why it is skipped, and errors; the journal gets new scores."""
+) -> tuple[dict[str, list[Record]], dict[str, str]]:
+    """Return frame id -> records, and frame id -> why it is skipped; the journal gets new scores."""
     from physic_core.batch.journal import Journal
     from physic_core.files.atomic import check_writable
 
@@ -191,23 +177,20 @@ def _all_scores(
     scorer = FrameScorer(tuple(methods), carrier, frozenset(known))
     records: dict[str, list[Record]] = {}
     left_out, old = dict(found.left_out), 0
-    errors: list[UnexpectedError] = []
     with nullcontext() if out is None else Journal(check_writable(out / SCORES) / "journal.jsonl") as journal:
         for scores in _scored(found.frames, scorer, workers):
             if scores.left_out:
                 left_out[scores.frame] = scores.left_out
-            failed = [scores.error, *(score.error for score in scores.methods)]
-            errors += [error for error in failed if error is not None]
             for score in scores.methods:
                 if score.records is None:
                     old += 1
-                elif journal is not None and score.error is None:
+                elif journal is not None:
                     append_scores(journal, scores.frame, score.method, score.digest, score.records)
                 own = known[score.digest] if score.records is None else score.records
                 records.setdefault(scores.frame, []).extend(own)
     if old:
         report(f"{old} of {counted(len(methods) * len(found.frames), 'score')} unchanged, from {SCORES}/journal.jsonl")
-    return records, left_out, tuple(errors)
+    return records, left_out
 
 
 def _scored(frames: Sequence[Frame], scorer: FrameScorer, workers: int) -> Iterable[FrameScores]:
@@ -240,8 +223,6 @@ def _require_results(frames: Sequence[Frame], method: Method) -> None:
                 return
         except PhysicError as error:
             reason = reason or str(error)
-        except Exception:
-            return  # scoring reports it
     reason = reason or next((method.failures[frame.id] for frame in frames if frame.id in method.failures), "")
     folder = method.reader.folder
     if reason:
@@ -259,7 +240,7 @@ def _check(frames: Sequence[Frame], method: Method) -> FrameCheck:
             prediction = method.result(frame)
             if prediction is not None:
                 samples.append((frame, checked_truth(frame), prediction))
-        except Exception:
+        except PhysicError:
             continue  # scoring reports it
         if len(samples) == CHECKED_FRAMES:
             break
