@@ -32,8 +32,5 @@ def test_a_common_prefix_is_closer_than_a_common_suffix(name: str, expected: lis
 
 
 def test_choices_are_joined_by_commas_and_or():
-    assert [format_choice(NAMES[:n]) for n in (1, 2, 3)] == [
-        "'big-lama'",
-        "'big-lama' or 'instanthmr'",
-        "'big-lama', 'instanthmr' or 'lama-carve'",
-    ]
+    assert format_choice(NAMES[:1]) == "'big-lama'"
+    assert format_choice(NAMES[:3]) == "'big-lama', 'instanthmr' or 'lama-carve'"

@@ -198,14 +198,13 @@ def test_a_violation_says_what_was_expected_and_what_came(
 
 
 def test_keypoints_of_another_number_of_people() -> None:
-    assert found_in(replace(KEYPOINTS, world=None), people=3) == [
-        "points must be (3, 17, 2), got (2, 17, 2)",
-        "confidence must be (3, 17), got (2, 17)",
-    ]
+    points, confidence = found_in(replace(KEYPOINTS, world=None), people=3)
+    assert "(3, 17, 2), got (2, 17, 2)" in points
+    assert "(3, 17), got (2, 17)" in confidence
 
 
 def test_the_mask_of_surfaces_takes_every_name_of_the_vocabulary() -> None:
     labels = SurfaceLabels(np.array([[0, 1], [1, 2]], np.uint8), ("wall", "floor", "rug"))
     assert labels.mask("floor", "rug", "bed").tolist() == [[False, True], [True, True]]
-    with pytest.raises(ValueError, match=r"^no surface is named 'lava': use unknown, floor, ground, "):
+    with pytest.raises(ValueError, match=r"^no surface is named 'lava'"):
         labels.mask("floor", "lava")

@@ -55,20 +55,20 @@ def test_options_are_keyword_arguments(kind: Any):
     ):
         with pytest.raises(ConfigError, match=re.escape(message)):
             kind(**wrong)
-    with pytest.raises(ConfigError, match="takes its options as keyword arguments or as one object, not as both"):
+    with pytest.raises(ConfigError, match="not as both"):
         kind(FlatOptions(), metres=3.0)
 
 
 def test_a_backend_is_called_with_an_array_and_its_result_is_checked():
     assert (Flat(metres=3.0)(IMAGE).depth == 3).all()
     assert (Flat()(IMAGE, Hints(hole=np.zeros((64, 80), bool))).depth == 2).all()
-    with pytest.raises(BackendOutputError, match=r"^Behind returned an invalid result: depth must be > 0 m or NaN"):
+    with pytest.raises(BackendOutputError, match="depth must be > 0 m or NaN"):
         Behind()(IMAGE)
-    with pytest.raises(InputError, match=r"a numpy array \(H, W, 3\) of uint8 RGB, got \(64, 80\) uint8"):
+    with pytest.raises(InputError, match=r"got \(64, 80\) uint8"):
         Flat()(IMAGE[..., 0])
-    with pytest.raises(InputError, match=r"^metric_depth is called with image, hints: .* keyword argument 'hint'$"):
+    with pytest.raises(InputError, match=r"keyword argument 'hint'$"):
         Flat()(IMAGE, hint=None)
-    with pytest.raises(InputError, match=r"^inpainter is called with image, mask: missing 1 required .* 'mask'$"):
+    with pytest.raises(InputError, match=r"missing 1 required .* 'mask'$"):
         load_backend("inpainter", "telea")(IMAGE)
 
 
@@ -140,10 +140,10 @@ def test_using_an_argument_that_is_not_declared_is_an_error():
         def infer(self, image: Any, people: People, bodies: Any) -> Any:
             return bodies.parameters
 
-    with pytest.raises(AttributeError, match="`reads` of this backend lacks 'bodies', whose 'parameters' it uses"):
+    with pytest.raises(AttributeError, match="lacks 'bodies', whose 'parameters'"):
         Prior()(IMAGE, NOBODY, None)
 
 
 def test_a_class_that_reads_something_unknown_is_refused():
-    with pytest.raises(TypeError, match=r"Wrong.reads: no argument or hint is named camera; there are: .*intrinsics"):
+    with pytest.raises(TypeError, match="no argument or hint is named camera"):
         type("Wrong", (Flat,), {"reads": ("camera",)})

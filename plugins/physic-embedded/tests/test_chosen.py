@@ -57,9 +57,9 @@ def test_people_are_in_the_order_of_points_boxes_and_masks(
 def test_prompts_on_nothing_and_twice_on_one_person_are_refused(
     segmenter: EmbeddedSegmenter, image: NDArray[np.uint8]
 ) -> None:
-    with pytest.raises(NoPersonError, match=r"^no pose of a person was found at point 2 \(320, 120\)"):
+    with pytest.raises(NoPersonError, match=r"point 2 \(320, 120\)"):
         segmenter.infer(image, PeoplePrompt(points=(LEFT, (320.0, 120.0))))
-    with pytest.raises(NoPersonError, match=r"^point 1 \(85, 200\) and point 2 \(90, 250\) hit the same person"):
+    with pytest.raises(NoPersonError, match="hit the same person"):
         segmenter.infer(image, PeoplePrompt(points=(LEFT, (90.0, 250.0))))
 
 

@@ -90,9 +90,7 @@ def test_the_disparity_of_infinity_of_a_room_comes_back_from_its_gravity(ahead: 
     assert found.outdoors < 0.01
     assert found.gap == pytest.approx(far / span, rel=0.12)
     assert found.disparity == pytest.approx(infinity, abs=0.12 * far / span)
-    assert found.rule == (
-        "the farthest pixels are taken as a wall; also used: the edges of the room, the walls of the room"
-    )
+    assert "farthest pixels are taken as a wall" in found.rule
 
 
 def test_normals_of_a_room_agree_best_with_its_axes_at_the_true_infinity() -> None:
@@ -149,7 +147,7 @@ def test_sky_over_ground_is_infinitely_far() -> None:
     found = disparity_at_infinity(disparity, fit_disparity_floor(disparity), FOCAL)
     assert found.outdoors > 0.9
     assert found.gap == pytest.approx(0.006, rel=0.1)
-    assert found.rule == "the farthest pixels are taken as infinitely far, since the photo has no other cue"
+    assert "infinitely far" in found.rule
 
 
 def test_a_standing_person_tells_how_high_the_camera_is() -> None:
@@ -204,7 +202,7 @@ def scene(backend: EmbeddedPointmap, image: NDArray[np.uint8]) -> Pointmap:
 
 def test_points_lie_on_their_pixels_rays_at_a_median_depth_of_one(scene: Pointmap) -> None:
     camera = scene.intrinsics
-    assert camera.source == "default (0.85 x the long side) and vanishing points"
+    assert "vanishing points" in camera.source
     assert camera.guessed
     assert 0.1 < camera.focal_sigma < 0.26
     assert abs(np.log(camera.fx / (0.85 * 320))) < camera.focal_sigma
@@ -217,7 +215,7 @@ def test_points_lie_on_their_pixels_rays_at_a_median_depth_of_one(scene: Pointma
     rows, columns = np.nonzero(scene.valid)
     assert camera.fx * points[:, 0] / points[:, 2] + camera.cx == pytest.approx(columns, abs=1e-2)
     assert camera.fy * points[:, 1] / points[:, 2] + camera.cy == pytest.approx(rows, abs=1e-2)
-    assert scene.notes[0] == f"the focal length is a {camera.source}: it may be off by {camera.focal_sigma:.0%}"
+    assert f"{camera.focal_sigma:.0%}" in scene.notes[0]
     factor, rule = re.fullmatch(r"(.*?): (.*)", scene.notes[1]).groups()  # type: ignore[union-attr]
     assert re.fullmatch(r"the depth of the background may be off by a factor of [1-9][.\d]*", factor)
     assert rule.startswith("the farthest pixels are taken as a wall")
@@ -260,4 +258,4 @@ def test_a_scene_hidden_by_people_is_said_not_to_be_matched(
 ) -> None:
     everybody = People(np.ones((1, 240, 320), bool), np.array([[0.0, 0.0, 320.0, 240.0]]), np.ones(1))
     answer = backend.infer(image, Hints(intrinsics=scene.intrinsics, people=everybody, scene=scene))
-    assert answer.notes[0] == "the photo's depth could not be matched to the scene's outside the people"
+    assert "could not be matched" in answer.notes[0]

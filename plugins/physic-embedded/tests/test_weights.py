@@ -69,12 +69,8 @@ def test_a_network_with_one_other_bit_is_refused(damaged_folder: Path, name: str
     content = bytearray((WEIGHTS_FOLDER / file).read_bytes())
     content[1_000_000] ^= 1
     (damaged_folder / file).write_bytes(content)
-    with pytest.raises(BackendError) as error:
+    with pytest.raises(BackendError, match=f"{file} is damaged: .*{hashlib.sha256(content).hexdigest()}"):
         open_packaged_session(name)
-    assert str(error.value) == (
-        f"{damaged_folder / file} is damaged: its SHA-256 is {hashlib.sha256(content).hexdigest()} instead of "
-        f"{FILES[file]['sha256']}. Install physic-embedded again from its wheel."
-    )
 
 
 def test_the_weights_that_were_compared_are_those_that_are_used(
@@ -99,9 +95,7 @@ def test_the_weights_that_were_compared_are_those_that_are_used(
 def test_a_manifest_without_the_network_is_refused(damaged_folder: Path) -> None:
     shutil.copy(WEIGHTS_FOLDER / "palm_detection_full.onnx", damaged_folder)
     (damaged_folder / "MANIFEST.json").write_text('{"models": [{"file": "other.onnx"}], "weights": []}')
-    with pytest.raises(
-        BackendError, match=r"MANIFEST\.json is damaged: it has no SHA-256 of palm_detection_full\.onnx"
-    ):
+    with pytest.raises(BackendError, match="no SHA-256 of palm_detection_full"):
         open_packaged_session("palm_detection_full")
 
 

@@ -102,18 +102,15 @@ def test_embedded_bodies_are_fitted_and_the_error_is_stated(
         assert arrays["betas"].shape == (10,)
         assert float(arrays["mocap_frame_rate"]) == 30
     assert 0 < error < 0.01
-    assert done.notes == (
-        f"person 1: fitted with SMPL-X, surface within {1000 * error:.0f} mm on average",
-        "frame: x right, y forward, z up, origin on the floor below the camera; the root turns about the pelvis joint; "
-        "gender female, from the file",
-    )
+    assert f"within {1000 * error:.0f} mm" in done.notes[0]
+    assert "gender female" in done.notes[1]
     distance, _ = cKDTree(transform_points(matrix, result.people[1].vertices)).query(vertices)
     assert np.median(distance) < 0.012
     assert np.abs(joints[0] - transform_points(matrix, result.people[1].joints[0])).max() < 0.06
 
 
 def test_without_a_file_the_message_says_what_is_needed_and_why(result: Reconstruction, tmp_path: Path):
-    with pytest.raises(InputError, match=r"^AMASS files hold SMPL-X parameters, and their meaning is in the SMPL-X"):
+    with pytest.raises(InputError, match=r"^AMASS files hold SMPL-X"):
         result.export(str(tmp_path / "a.npz"))
 
 
@@ -121,7 +118,7 @@ def test_another_file_than_that_of_the_run_is_refused(converted: Reconstruction,
     arrays = smplx_file_arrays(other)
     taller = tmp_path / "SMPLX_MALE.npz"
     np.savez(taller, **(arrays | {"v_template": 1.1 * arrays["v_template"]}))
-    with pytest.raises(InputError, match=r"^the body model gives vertices \d+ mm from those of the result: give the "):
+    with pytest.raises(InputError, match=r"vertices \d+ mm from"):
         converted.export(str(tmp_path / "a.npz"), body_model=taller)
 
 
@@ -129,16 +126,16 @@ def test_the_skeleton_of_smplx_bodies_is_in_their_file(converted: Reconstruction
     done = converted.export(str(tmp_path / "a.glb"), scene=False)
     assert set(trimesh.load_scene(done.files[0]).geometry) == {"person_0", "person_1"}
     lost = replace(converted, config={})
-    with pytest.raises(InputError, match=r"^the result has SMPL-X bodies, whose skeleton is in your SMPL-X file"):
+    with pytest.raises(InputError, match="has SMPL-X bodies"):
         lost.export(str(tmp_path / "b.glb"))
 
 
 def test_a_file_that_is_not_amass_is_refused(tmp_path: Path):
     path = tmp_path / "a.npz"
     path.write_text("no")
-    with pytest.raises(InputError, match=r"^cannot read .*a\.npz: it is not an npz file of arrays"):
+    with pytest.raises(InputError, match="not an npz file"):
         read_amass(path)
     np.savez(path, poses=np.zeros((1, 156)), betas=np.zeros(10), trans=np.zeros((1, 3)))
     with pytest.raises(InputError) as refused:
         read_amass(path)
-    assert str(refused.value) == f"cannot read {path}: an AMASS file of SMPL-X has poses (N, 165), betas and trans"
+    assert "poses (N, 165)" in str(refused.value)

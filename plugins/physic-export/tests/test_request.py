@@ -105,14 +105,14 @@ def test_a_person_without_a_body_is_left_out_with_a_note(result: Reconstruction,
 
 
 def test_a_scene_without_people_has_no_bodies_to_export(result: Reconstruction, tmp_path: Path):
-    with pytest.raises(InputError, match=r"^cannot export to bvh, which holds people: this result has no people$"):
+    with pytest.raises(InputError, match=r"this result has no people$"):
         replace(result, people=()).export(str(tmp_path / "a.bvh"))
-    with pytest.raises(InputError, match=r"^there is no person 0: this result has no people$"):
+    with pytest.raises(InputError, match=r"^there is no person 0"):
         replace(result, people=()).export(str(tmp_path / "a.glb"), person=0)
 
 
 def test_z_up_needs_a_floor(result: Reconstruction, tmp_path: Path):
-    with pytest.raises(InputError, match=r"^z up needs the direction of gravity, which is the normal of the floor"):
+    with pytest.raises(InputError, match=r"^z up needs"):
         without_floor(result).export(str(tmp_path / "a.xml"))
 
 
@@ -136,13 +136,13 @@ def test_an_existing_file_is_refused(
     target.write_text("mine")
     done = physic("export", str(copy), *arguments)
     assert done.exit_code == 2
-    assert f"{existing} exists already: name another file (-o), or replace it with --overwrite" in done.output
+    assert "--overwrite" in done.output
     assert target.read_text() == "mine"
 
 
 def test_a_file_is_replaced_only_where_that_is_wanted(export, tmp_path: Path):
     (tmp_path / "a.obj").write_text("mine")
-    with pytest.raises(OutputError, match=r"a\.obj exists already: .* \(overwrite=True in Python\)$"):
+    with pytest.raises(OutputError, match="overwrite=True in Python"):
         export("a.obj")
     assert (tmp_path / "a.obj").read_text() == "mine"
     export("a.obj", overwrite=True, scene=False)
@@ -165,7 +165,7 @@ def test_the_photo_and_links_are_never_replaced(result: Reconstruction, tmp_path
 
 
 def test_a_suffix_of_another_format_is_refused(export, tmp_path: Path):
-    with pytest.raises(InputError, match=r"a\.ply does not end in \.obj, as a file of the format obj must"):
+    with pytest.raises(InputError, match=r"does not end in \.obj"):
         export("a.ply", "obj")
 
 

@@ -69,9 +69,7 @@ def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
     path = tmp_path / "MANO_RIGHT.pkl"
     with pytest.raises(BodyModelError) as caught, chumpy_free_copy(path, "mano"):
         pass
-    assert str(caught.value) == (
-        f"there is no body model file {path}: give the path of an official MANO file, MANO_RIGHT.pkl"
-    )
+    assert f"no body model file {path}" in str(caught.value)
 
 
 def test_a_file_that_cannot_be_read_is_named(mano: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -81,7 +79,4 @@ def test_a_file_that_cannot_be_read_is_named(mano: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(Path, "open", refuse)
     with pytest.raises(BodyModelError) as caught, chumpy_free_copy(mano, "mano"):
         pass
-    assert str(caught.value) == (
-        f"the body model file {mano} cannot be read (Permission denied): "
-        "give the path of an official MANO file, MANO_RIGHT.pkl"
-    )
+    assert f"{mano} cannot be read (Permission denied)" in str(caught.value)

@@ -158,10 +158,10 @@ def test_photos_are_not_wilors_to_change_and_hands_come_in_batches(wilor: Wilor)
 
 def test_a_backend_without_its_checkout_is_not_loaded(tmp_path: Path) -> None:
     backend = Wilor(WilorOptions(checkout=str(tmp_path), weights=str(tmp_path / "no")))
-    assert "is not a checkout of WiLoR-mini, since it has no wilor_mini/models/wilor.py" in "\n".join(backend.missing())
+    assert "wilor_mini/models/wilor.py" in "\n".join(backend.missing())
     with pytest.raises(WeightsMissingError):
         backend.load()
-    with pytest.raises(BackendError, match=r"WiLoR-mini is not loaded: call load\(\) before infer\(\)"):
+    with pytest.raises(BackendError, match=r"call load\(\) before"):
         backend.infer(np.zeros((200, 300, 3), np.uint8), *keypoints({}))
 
 
@@ -195,7 +195,7 @@ def test_mano_that_would_run_code_is_refused(stub: Callable[..., Path], tmp_path
     files = wilor_files(tmp_path / "f")
     (files / "MANO_RIGHT.pkl").write_bytes(pickle.dumps({**mano_arrays(), "bs_type": print}))
     backend = Wilor(WilorOptions(checkout=str(stub("w", WILOR_FILES)), weights=str(files)))
-    with pytest.raises(BodyModelError, match=r"is a pickle that asks for .builtins\.print."):
+    with pytest.raises(BodyModelError, match=r"builtins\.print"):
         backend.load()
 
 

@@ -384,7 +384,5 @@ def test_a_file_other_than_nlfs_is_recognised_by_its_vertices(
     smplx_file: Path, tmp_path: Path, torchvision: ModuleType
 ) -> None:
     backend = exact_backend(smplx_file, tmp_path, shift=30.0)
-    with pytest.raises(
-        BackendError, match=r"rebuilt from its parameters by smplx_file, NLF's first body is 5[0-9]\.\d mm"
-    ):
+    with pytest.raises(BackendError, match=r"first body is 5[0-9]\.\d mm"):
         ask(backend)

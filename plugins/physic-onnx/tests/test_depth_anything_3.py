@@ -109,7 +109,7 @@ class TestContract:
 
     def test_a_note_says_that_the_photo_was_squashed(self, contract_graph, loaded):
         answer = loaded(DepthAnything3, contract_graph("504 x 280")).infer(ramp(640, 480, 0), hints(500.0, 480, 640))
-        assert "504 x 280 px only, so that the photo is squashed by a factor 2.4" in answer.notes[0]
+        assert "factor 2.4" in answer.notes[0]
 
     def test_file_without_a_sky_is_refused(self, graph, node, tmp_path, loaded):
         """Trap: the relative files have the same names, and no sky."""
@@ -123,7 +123,7 @@ class TestContract:
             loaded(DepthAnything3, str(path))
 
     def test_relative_file_with_a_sky_is_refused_by_its_name(self, contract_graph, loaded):
-        with pytest.raises(BackendError, match="returns relative depth: use it as relative_pointmap"):
+        with pytest.raises(BackendError, match="use it as relative_pointmap"):
             loaded(DepthAnything3, contract_graph(name="da3mono_l_504x378.onnx"))
 
 

@@ -205,12 +205,12 @@ def test_detr_is_not_taken_for_rt_detr(answering):
     detector = answering(
         "pixel_values", ("b", 3, SIDE, SIDE), logits=np.zeros((1, 9, 92)), pred_boxes=np.zeros((1, 9, 4))
     )
-    with pytest.raises(BackendError, match="returns 92 classes, as DETR does, and not 80"):
+    with pytest.raises(BackendError, match="returns 92 classes"):
         detector.infer(GREY, 0.5, 0.65)
 
 
 def test_a_head_of_another_size_is_refused(answering):
-    with pytest.raises(BackendError, match=r"for 64 x 64 px must return \(1, 84, 85\), got \(1, 85, 85\)"):
+    with pytest.raises(BackendError, match=r"\(1, 84, 85\), got \(1, 85, 85\)"):
         answering("images", (1, 3, SIDE, SIDE), output=raw(cells=85)).infer(GREY, 0.5, 0.65)
 
 

@@ -125,7 +125,7 @@ def test_in_another_camera_the_hips_keep_their_pixel_and_their_size(graph_file: 
 
 def test_a_network_that_wants_boxes_in_focal_lengths_is_refused(graph_file: Any) -> None:
     path = graph_file({"cliff_focal": "true", "arch": "correctives"})
-    with pytest.raises(BackendError, match=r"boxes in units of the focal length .* take instanthmr\.onnx of"):
+    with pytest.raises(BackendError, match="boxes in units of the focal length"):
         loaded(path)
     loaded(graph_file({"cliff_focal": "false"}))
 

@@ -355,9 +355,9 @@ class TestOddAnswers:
         backend, photo = answering(Moge2Pointmap, wall)
         found = backend.infer(photo, Hints())
         assert found.unknown == "scale_shift"
-        assert found.intrinsics.source == "default: MoGe-2 saw a scene too flat to tell"
+        assert "flat" in found.intrinsics.source
         assert found.intrinsics.guessed
-        assert found.notes[1] == "MoGe-2 saw a scene too flat to tell the focal length: 70 px is a guess"
+        assert "70 px" in found.notes[1]
         assert found.valid.all()
 
     def test_flat_wall_with_a_given_camera_has_nothing_to_tell(self, answering, wall):
@@ -380,7 +380,7 @@ class TestOddAnswers:
 
     def test_answer_of_another_size_is_refused(self, answering, wall):
         backend, photo = answering(Moge2Depth, wall)
-        with pytest.raises(BackendError, match=r"returned points \(1, 60, 80, 3\) .* for 40 x 30 px"):
+        with pytest.raises(BackendError, match=r"\(1, 60, 80, 3\)"):
             backend.infer(photo[::2, ::2].copy(), Hints())
 
 

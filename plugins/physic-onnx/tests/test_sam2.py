@@ -282,7 +282,7 @@ def test_files_of_samexporter_get_prompts_in_their_layout(stand_in_network, show
 def test_halves_of_two_exports_are_refused(stand_in_network):
     encoder, _ = networks_of("transformers.js", stand_in_network)
     _, decoder = networks_of("samexporter", stand_in_network)
-    with pytest.raises(BackendError, match=r"comes from transformers\.js and the decoder stand_in\.onnx from"):
+    with pytest.raises(BackendError, match=r"transformers\.js .* stand_in\.onnx"):
         Sam2Networks(encoder, decoder)
 
 
@@ -297,9 +297,7 @@ def test_files_are_found_by_their_names(tmp_path):
         (tmp_path / "onnx" / f"{name}.onnx").write_bytes(b"x")
     assert [p.stem for p in find_sam2_files(tmp_path)] == ["vision_encoder", "prompt_encoder_mask_decoder"]
     assert find_sam2_files(tmp_path, "fp16")[0].stem == "vision_encoder_fp16"
-    with pytest.raises(
-        BackendError, match="has not an encoder _q8; its files of networks: prompt_encoder_mask_decoder"
-    ):
+    with pytest.raises(BackendError, match="has not an encoder _q8"):
         find_sam2_files(tmp_path, "q8")
 
 

@@ -72,17 +72,17 @@ class TestRunning:
 
     def test_bytes_are_not_taken_for_floats(self, doubler):
         network = open_network(doubler(), OnnxOptions(), "cpu")
-        with pytest.raises(BackendError, match=r"input 'image' of double.onnx takes float32, got uint8"):
+        with pytest.raises(BackendError, match="takes float32, got uint8"):
             network.run({**ONE, "image": np.ones((1, 3, 2, 2), np.uint8)}, ["sum"])
 
     def test_input_that_is_not_there(self, doubler):
         network = open_network(doubler(), OnnxOptions(), "cpu")
-        with pytest.raises(BackendError, match="has no input 'picture'; it has image, count"):
+        with pytest.raises(BackendError, match="has no input 'picture'"):
             network.run({"picture": np.ones(3)}, ["sum"])
 
     def test_a_failed_run_names_shape_and_dtype_of_the_input(self, doubler):
         network = open_network(doubler(), OnnxOptions(), "cpu")
-        with pytest.raises(BackendError, match=r"failed to run double.onnx on CPU with image float32 \(1, 2, 2\)"):
+        with pytest.raises(BackendError, match=r"image float32 \(1, 2, 2\)"):
             network.run({**ONE, "image": np.ones((1, 2, 2), np.float32)}, ["sum"])
 
 
@@ -133,7 +133,7 @@ class TestProviders:
         monkeypatch.setattr(
             onnxruntime, "InferenceSession", lambda path, options, providers: session(path, options, providers=[CPU])
         )
-        with pytest.raises(DeviceError, match=f"offers {words} but could not start it on this machine"):
+        with pytest.raises(DeviceError, match="could not start it"):
             open_network(doubler(), OnnxOptions(provider=provider), "cuda")
 
     def test_cpu_runs_operators_that_a_provider_does_not_have(self, doubler, monkeypatch):
@@ -169,14 +169,14 @@ class TestProviders:
 
 class TestFiles:
     def test_file_that_is_not_there(self, tmp_path):
-        with pytest.raises(BackendError, match=r"there is no file .*none.onnx: `physic weights list`"):
+        with pytest.raises(BackendError, match=r"there is no file .*none.onnx"):
             open_network(tmp_path / "none.onnx", OnnxOptions(), "cpu")
 
     @pytest.mark.parametrize("content", [b"", b"<html>404</html>", b"version https://git-lfs.github.com/spec/v1\n"])
     def test_file_that_is_no_network(self, tmp_path, content):
         path = tmp_path / "page.onnx"
         path.write_bytes(content)
-        with pytest.raises(BackendError, match=r"cannot open .*page.onnx with CPU.*`physic weights verify` reports"):
+        with pytest.raises(BackendError, match=r"cannot open .*page.onnx"):
             open_network(path, OnnxOptions(), "cpu")
 
     def test_file_that_was_cut_short(self, doubler):

@@ -103,7 +103,7 @@ def test_every_missing_network_of_a_backend_is_named() -> None:
 
 def test_a_gated_model_is_reported_as_gated() -> None:
     (problem,) = Sam3().missing()
-    assert "`physic weights fetch sam3-hf --accept-licence` (an account with access" in problem
+    assert "physic weights fetch sam3-hf" in problem
 
 
 def test_a_folder_without_the_files_is_missing_them(tmp_path: Path) -> None:
@@ -128,7 +128,7 @@ def test_every_default_is_in_the_list_of_weights(kind: Any) -> None:
 
 def test_a_model_of_another_type_is_refused(saved: Callable[..., Path]) -> None:
     folder = saved("eomt")
-    with pytest.raises(BackendError, match="holds a model of the type 'eomt', expected 'depth_pro'"):
+    with pytest.raises(BackendError, match="type 'eomt'"):
         DepthPro(DepthProOptions(weights=str(folder))).load()
 
 
@@ -150,7 +150,7 @@ def test_weights_of_another_size_are_refused(saved: Callable[..., Path], tmp_pat
     folder = Path(shutil.copytree(saved("zoedepth"), tmp_path / "other"))
     config = json.loads((folder / "config.json").read_text())
     (folder / "config.json").write_text(json.dumps({**config, "fusion_hidden_size": 6}))
-    with pytest.raises(BackendError, match="cannot be read as ZoeDepthForDepthEstimation: "):
+    with pytest.raises(BackendError, match="cannot be read as ZoeDepth"):
         ZoeDepth(ZoeDepthOptions(weights=str(folder))).load()
 
 
@@ -162,7 +162,7 @@ def test_a_broken_config_is_refused(saved: Callable[..., Path], tmp_path: Path) 
 
 
 def test_a_panoptic_network_without_people_is_refused(saved: Callable[..., Path]) -> None:
-    with pytest.raises(BackendError, match=r"this EoMT knows 5 classes .* expected the 133 of COCO panoptic"):
+    with pytest.raises(BackendError, match="knows 5 classes"):
         Eomt(EomtOptions(weights=str(saved("eomt", 5)))).load()
 
 

@@ -131,7 +131,7 @@ class TestDepthPro:
         answer = self.asked(0.5, 90.0, Hints(intrinsics=known))
         np.testing.assert_allclose(answer.depth, 4.0, rtol=1e-5)
         assert answer.intrinsics == known
-        assert answer.notes == ("DepthPro took the focal length for 50 px; its depth is scaled to 200 px",)
+        assert all(size in answer.notes[0] for size in ("50 px", "200 px"))
 
     def test_the_networks_focal_length_replaces_a_guessed_one(self) -> None:
         guessed = Intrinsics.from_focal(200.0, 100, 60, "1.2 x the long side", CameraTrust.GUESSED)
@@ -166,7 +166,7 @@ class TestDepthPro:
         if not refused:
             backend.load()
             return
-        with pytest.raises(DeviceError, match="needs about 18 GB of memory on a CPU, this machine has 8 GB"):
+        with pytest.raises(DeviceError, match=r"about 18 GB .* has 8 GB"):
             backend.load()
         with pytest.raises(BackendError, match="call load"):
             backend.network()

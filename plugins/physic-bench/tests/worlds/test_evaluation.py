@@ -135,5 +135,5 @@ def test_a_person_who_is_not_found_scores_zero(world, truth, skin):
 
 
 def test_bodies_of_another_mesh_are_refused(world, truth, skin):
-    with pytest.raises(PhysicError, match=r"^The bodies have 5 vertices and those of the worlds \d+: only bodies of"):
+    with pytest.raises(PhysicError, match="have 5 vertices"):
         Evaluator(world, world.masks, skin).person_records(replace(truth, vertices=truth.vertices[:, :5]))
