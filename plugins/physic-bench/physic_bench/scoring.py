@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_bench.joints import LIMB_JOINTS
-from physic_bench.projection import body_box, person_points, project
+from physic_bench.projection import body_box
 from physic_bench.scene_surface import EXACT_WITHIN_M, SceneIndex, contact_by_rule
 from physic_core.adapters.detections import box_iou
 from physic_core.body.joints import JOINT_NAMES
-from physic_core.geometry.rays import RayCaster
 from physic_core.metrics import (
     assign,
     contact_counts,
@@ -30,7 +29,6 @@ from physic_core.metrics import (
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_bench.cameras import Camera
     from physic_bench.carry import Carrier
     from physic_bench.contract import Frame, PredictedPerson, Prediction, Surface, TruePerson, Truth
 
@@ -48,9 +46,6 @@ MIN_IOU = 0.25
 """Overlap of the boxes of a prediction and an annotated person, from which it can be theirs."""
 
 FLOATING_REACH_M = 1.0
-HIDDEN_SAMPLES = 500
-HIDDEN_BEHIND_M = 0.05
-"""A vertex is hidden if the scene is nearer by so much: what touches a chair is not hidden by it."""
 
 
 @dataclass(eq=False)
@@ -97,10 +92,7 @@ def score_frame(
     for row, person in enumerate(truth.people):
         record = base_record(frame, method, person, reason or "no person at this place")
         true_maps = true_contacts(frame, truth, person)
-        record["distance_m"] = _distance(person)
         record["has_result"] = prediction is not None
-        record["truncation"] = truncated_share(frame, person)
-        record["occlusion"] = occluded_share(frame, truth.scene, person)
         if row in matched and prediction is not None:
             found, reasons = prediction.people[matched[row]], _Reasons()
             record |= {"found": True, "reason": "", "grade": found.grade}
@@ -282,46 +274,6 @@ def _missed(contact: Bools) -> dict[str, int]:
     return {"hits": 0, "false_alarms": 0, "misses": int(contact.sum())}
 
 
-def _distance(person: TruePerson) -> float:
-    points = person_points(person)
-    return float(np.nanmedian(points[:, 2])) if len(points) and np.isfinite(points[:, 2]).any() else float("nan")
-
-
-def truncated_share(frame: Frame, person: TruePerson) -> float | None:
-    """Return the share of a person's vertices, or joints without a mesh, that are outside the picture."""
-    points = person_points(person)
-    points = points[np.isfinite(points).all(-1)]
-    if not len(points):
-        return None
-    return float(1 - _in_picture(frame.camera, points).mean())
-
-
-def occluded_share(frame: Frame, scene: Surface | None, person: TruePerson) -> float | None:
-    """Return the share of the vertices in the picture that the scene hides from the camera; None if none is in it.
-
-    Vertices that the body itself or another person hides are not counted.
-    """
-    if scene is None or not len(scene.faces) or person.vertices is None:
-        return None
-    camera = frame.camera
-    points = person.vertices[:: max(len(person.vertices) // HIDDEN_SAMPLES, 1)]
-    points = points[_in_picture(camera, points)]
-    if not len(points):
-        return None
-    way = camera.in_world(points) - camera.centre
-    length = np.linalg.norm(way, axis=1)
-    first = _caster(scene).first(camera.centre, way / length[:, None]).distance
-    return float((first < length - HIDDEN_BEHIND_M).mean())
-
-
-def _in_picture(camera: Camera, points: Array) -> Bools:
-    """Return which points (n, 3) in front of the camera fall into its picture, (n,)."""
-    pixels = project(points, camera.K)
-    with np.errstate(invalid="ignore"):
-        inside = ((pixels >= -0.5) & (pixels < np.array([camera.width, camera.height]) - 0.5)).all(-1)
-    return np.asarray(inside & (points[:, 2] > 0))
-
-
 def _rows(joints: Array | None, names: Sequence[str], wanted: Sequence[str]) -> Array:
     assert joints is not None
     return np.asarray(joints, np.float64)[[list(names).index(name) for name in wanted]]
@@ -342,11 +294,6 @@ def _no_way(what: str, source: str, target: str) -> str:
 @lru_cache(maxsize=2)
 def _index_of(scene: Surface) -> SceneIndex:
     return SceneIndex.build(scene)
-
-
-@lru_cache(maxsize=2)
-def _caster(scene: Surface) -> RayCaster:
-    return RayCaster(scene.vertices, scene.faces)
 
 
 def _true_distance(frame: Frame, scene: Surface, person: TruePerson) -> Array:
