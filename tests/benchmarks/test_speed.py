@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
+import argparse
 from pathlib import Path
 
 import numpy as np
+import pytest
 from PIL import Image
 
+from benchmarks.photo import run
 from benchmarks.speed import joint_problem
 from physic_core.body import load_body
 
@@ -27,12 +27,12 @@ def test_everybody_is_in_the_picture_and_starts_beside_the_truth():
     assert ((x > -10) & (x < width + 10) & (y > -20) & (y < height + 20)).all()
 
 
-def test_the_parts_of_a_photo_without_people_add_up(tmp_path: Path):
+def test_the_parts_of_a_photo_without_people_add_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     noise = np.random.default_rng(0).integers(0, 255, (120, 160, 3), np.uint8)
     Image.fromarray(noise).save(tmp_path / "photo.png")
-    command = [sys.executable, "-m", "benchmarks.photo", str(tmp_path / "photo.png"), "--repeats", "1", "--json"]
-    done = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True)
-    cost = json.loads(done.stdout)
+    monkeypatch.chdir(ROOT)
+    given = argparse.Namespace(photo=tmp_path / "photo.png", preset="embedded", no_report=True)
+    cost = run(given, str(tmp_path / "cache"))
     assert list(cost["parts"])[:3] == ["start", "reading", "people"]
     assert "saving" in cost["parts"]
     assert abs(sum(cost["parts"].values()) - cost["total"]) < 0.2

@@ -110,19 +110,12 @@ def test_methods_are_compared_in_pairs_and_written_as_tables(root: Path, tmp_pat
 
 
 @pytest.mark.parametrize(
-    ("move", "name"),
-    [
-        (lambda p: p * [1, -1, -1], "y-up"),
-        (lambda p: 1000 * p, "millimetres"),
-    ],
+    ("move", "words"), [(lambda p: p * [1, -1, -1], "OpenGL camera"), (lambda p: 1000 * p, "OpenCV camera, mm")]
 )
-def test_results_in_another_frame_are_refused_with_its_name(root: Path, tmp_path: Path, move, name: str):
+def test_results_in_another_frame_are_read_in_it_and_the_table_says_so(root: Path, tmp_path: Path, move, words: str):
     shifted = results(tmp_path, move(moved(TRUE, 0.03, 0, 0.04)))
-    done = run("calibrated", str(root), "-o", str(tmp_path / "out"), "--results", shifted)
-    assert done.exit_code != 0
-    assert f"give --results-frame theirs={name}" in done.output
-    found = evaluated(root, tmp_path / "out", "--results", shifted, "--results-frame", f"theirs={name}")
-    assert found["me_mpjpe"] == pytest.approx(50)
+    assert evaluated(root, tmp_path / "out", "--results", shifted)["me_mpjpe"] == pytest.approx(50)
+    assert f"theirs: read as {words}" in (tmp_path / "out" / "table.txt").read_text()
 
 
 def test_everything_that_is_missing_is_named_at_once(root: Path, tmp_path: Path):
