@@ -126,7 +126,7 @@ def _command_of(name: str) -> click.Command:
     )
 
 
-def _option_of(name: str, default: str, metadata: Mapping[str, Any]) -> click.Option:
+def _option_of(name: str, default: Any, metadata: Mapping[str, Any]) -> click.Option:
     return click.Option(["--" + name.replace("_", "-")], default=default, show_default=bool(default), **metadata)
 
 
