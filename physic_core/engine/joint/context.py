@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -11,7 +11,6 @@ from physic_core.body.model import BodyOutput, LandmarkModel
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.settings import VisibilitySettings
 from physic_core.geometry.plane import height_over_plane
-from physic_core.types.per_person import PER_PERSON, select_people
 
 STATIC_CONTACT_PARTS = ("left_foot", "right_foot", "left_hand", "right_hand", "thighs", "gluteus", "back")
 """Parts of the body that usually touch the scene, after PROX."""
@@ -29,9 +28,9 @@ class WeightedKeypoints:
         confident: (B, J) bool, confident keypoints on visible limbs.
     """
 
-    points: Tensor = field(metadata=PER_PERSON)
-    weight: Tensor = field(metadata=PER_PERSON)
-    confident: Tensor = field(metadata=PER_PERSON)
+    points: Tensor
+    weight: Tensor
+    confident: Tensor
 
 
 @dataclass(frozen=True)
@@ -66,34 +65,29 @@ class JointContext:
     """
 
     problem: JointProblem
-    person_weights: Tensor = field(metadata=PER_PERSON)
+    person_weights: Tensor
     visibility: VisibilitySettings
     search_radius_m: float
-    reach_m: Tensor = field(metadata=PER_PERSON)
+    reach_m: Tensor
     ids: Tensor
     faces: Tensor
     faces_of_vertices: Tensor
     pose: LandmarkModel
-    area: Tensor = field(metadata=PER_PERSON)
-    contact_probability: Tensor = field(metadata=PER_PERSON)
-    is_contact: Tensor = field(metadata=PER_PERSON)
-    on_visible_part: Tensor = field(metadata=PER_PERSON)
+    area: Tensor
+    contact_probability: Tensor
+    is_contact: Tensor
+    on_visible_part: Tensor
     above_knees: Tensor
     soles: tuple[Tensor, Tensor]
-    keypoints: WeightedKeypoints = field(metadata=PER_PERSON)
-    person_px: Tensor = field(metadata=PER_PERSON)
-    start: BodyOutput = field(metadata=PER_PERSON)
-    relative: Tensor = field(metadata=PER_PERSON)
-    standing: Tensor = field(metadata=PER_PERSON)
-    feet_visible: Tensor = field(metadata=PER_PERSON)
+    keypoints: WeightedKeypoints
+    person_px: Tensor
+    start: BodyOutput
+    relative: Tensor
+    standing: Tensor
+    feet_visible: Tensor
     log_depth: Tensor | None
     fronts: Tensor | None
     views: tuple[JointContext, ...] = ()
-
-    def select_people(self, rows: Tensor) -> JointContext:
-        """Return the constants of a selection of the people, (n,) int64; the subsampled vertices stay the same."""
-        own = replace(self, problem=self.problem.select_people(rows), views=())
-        return replace(select_people(own, rows), views=tuple(view.select_people(rows) for view in self.views))
 
 
 def select_surface(problem: JointProblem) -> JointProblem:

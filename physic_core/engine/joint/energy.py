@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
 
 import torch
 from torch import Tensor
@@ -53,7 +52,11 @@ class JointEnergy:
         self.state = settings.initial_state(self.context)
         weights = self.context.person_weights
         self._people = None if bool((weights == 1).all()) else weights
-        self.terms = self._own_terms()
+        self.terms = tuple(settings.terms(self.context, self.state))
+        if problem.known is not None:  # known sizes are a part of every energy
+            from physic_core.engine.joint.terms.known_sizes import KnownSizeTerm
+
+            self.terms = (*self.terms, KnownSizeTerm(self.context))
         if problem.views and not any(isinstance(term, ViewsTerm) for term in self.terms):
             raise PhysicError("only the engine preset 'default' uses other cameras: omit its views")
         self.visibility: Visibility
@@ -64,15 +67,6 @@ class JointEnergy:
         self._last_visibility: Visibility | None = None
         self.snapshot: Snapshot
         self.refresh()
-
-    def _own_terms(self) -> tuple[Term, ...]:
-        """Return the terms of the settings, and that of the known sizes, which is part of every energy."""
-        terms = tuple(self._settings.terms(self.context, self.state))
-        if self.problem.known is None:
-            return terms
-        from physic_core.engine.joint.terms.known_sizes import KnownSizeTerm
-
-        return (*terms, KnownSizeTerm(self.context))
 
     @torch.no_grad()
     def add_terms(self, terms: Sequence[Term]) -> Tensor | None:
@@ -88,25 +82,7 @@ class JointEnergy:
         bodies = self._posed_bodies()
         if not any(bool((value > 0).any()) for term in terms for value in term(bodies).values()):
             return None
-        return self.groups
-
-    def of_people(self, rows: Tensor) -> JointEnergy:
-        """Return the energy of only some people, (n,) int64, with late terms, at their state and the scene's scale."""
-        part, settings = copy(self), self._settings
-        part.problem, part.context = self.problem.select_people(rows), self.context.select_people(rows)
-        part.state = settings.initial_state(part.context)
-        part.state.copy_selected(self.state, rows)
-        part._people = None if self._people is None else self._people[rows]
-        part._gathered, part._self_occlusion = self._gathered[rows], self._self_occlusion.select_people(rows)
-        part._last_visibility = None
-        part.terms = (*part._own_terms(), *settings.late_terms(part.context)[0])
-        part.refresh()
-        return part
-
-    @property
-    def groups(self) -> Tensor:
-        """Group (B,) int64 of each person: people who are linked by terms at the last refresh."""
-        links = torch.cat([term.links for term in self.terms])
+        links = torch.cat([term.links for term in terms])
         return connected_groups(links, len(self.problem)).to(links.device)
 
     @property

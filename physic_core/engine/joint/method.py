@@ -17,7 +17,6 @@ from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.settings import VisibilitySettings
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Term
-from physic_core.engine.joint.terms.joins import JoinSettings
 from physic_core.engine.joint.visibility import OcclusionTracker, Visibility, update_visibility
 from physic_core.geometry.neighbors import NearestPointSearch
 from physic_core.types.bounds import FrozenGroups
@@ -109,10 +108,6 @@ class JointMethod(ABC):
         Minimisation is not repeated if all of them are 0 then. By default there are none.
         """
         return (), self.optimiser
-
-    def joins_to_decide(self) -> JoinSettings | None:
-        """Return the settings of joins, which are decided by comparing energies; None, by default, for no joins."""
-        return None
 
     def without(self, term: str) -> Self:
         """Return a copy with the weight of one term set to 0, if the energy has such a term."""

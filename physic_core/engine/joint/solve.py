@@ -11,7 +11,6 @@ from torch import Tensor
 from physic_core.body.model import BodyOutput
 from physic_core.engine.joint.contact_state import update_contacts
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.hypotheses import decide_joins
 from physic_core.engine.joint.method import JointMethod
 from physic_core.engine.joint.optimiser import MinimisationResult, join_results
 from physic_core.engine.joint.problem import JointProblem, JointResult, people_with_valid_start
@@ -64,9 +63,6 @@ def optimize(
     groups = energy.add_terms(late)
     if groups is not None:
         minimised = join_results(energy, origin, minimised, optimiser.minimise(energy, groups=groups))
-    joins = settings.joins_to_decide()
-    if joins is not None and (decided := decide_joins(energy, joins, optimiser)) is not None:
-        minimised = join_results(energy, origin, minimised, decided)
     return _merged_result(problem, energy, minimised, healthy.nonzero(as_tuple=True)[0], tuple(failures))
 
 

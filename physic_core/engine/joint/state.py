@@ -6,10 +6,8 @@ and their sum of squares is a Gaussian prior. OpenCV camera frame, metres.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import torch
 from torch import Tensor
@@ -220,24 +218,6 @@ class State:
         """Return the leaf tensors of the free parameters."""
         return [self.values[group] for group in self.free]
 
-    @contextmanager
-    def holding_all_but(self, people: Sequence[int]) -> Iterator[None]:
-        """Temporarily keep the scene's scale, and the parameters of all but some people, constant."""
-        free, moves = self.free, self.start.transl.new_zeros(self.num_people)
-        moves[list(people)] = 1.0
-        self.free = tuple(group for group in free if group != "scale")
-        rows = {group: moves.reshape(-1, *[1] * (self.values[group].ndim - 1)) for group in self.free}
-        hooks = [
-            self.values[group].register_hook(partial(torch.mul, rows[group]))  # type: ignore[no-untyped-call]
-            for group in self.free
-        ]
-        try:
-            yield
-        finally:
-            self.free = free
-            for hook in hooks:
-                hook.remove()
-
     def pack(self) -> Tensor:
         """Return a copy of all free parameters in one vector (n,)."""
         none = self.start.transl.new_zeros(0)
@@ -269,19 +249,6 @@ class State:
         return torch.cat(
             [people.new_zeros(0), *(none if g == "scale" else next(columns).reshape(-1) for g in self.free)]
         )
-
-    @torch.no_grad()
-    def copy_selected(self, state: State, rows: Tensor) -> None:
-        """Set all parameters to those of some people, ``rows`` (B,) int64 of another state, and of its scene."""
-        for group, value in self.values.items():
-            value.copy_(state.values[group] if group == "scale" else state.values[group][rows])
-
-    @torch.no_grad()
-    def copy_into(self, state: State, rows: Tensor) -> None:
-        """Set the parameters of some people, ``rows`` (B,) int64 of another state, to those of this state."""
-        for group, value in self.values.items():
-            if group != "scale":
-                state.values[group][rows] = value
 
     @property
     def num_people(self) -> int:

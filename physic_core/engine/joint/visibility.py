@@ -5,7 +5,6 @@ The optimiser updates the visibility every few steps. OpenCV camera frame, metre
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import dataclass
 from functools import partial
 
@@ -63,15 +62,6 @@ class OcclusionTracker:
         )
         self._seen: Tensor | None = None
         self._hidden = self._hidden_limbs = torch.zeros(0)
-
-    def select_people(self, rows: Tensor) -> OcclusionTracker:
-        """Return the tracker of a selection of the people, (n,) int64."""
-        part = copy(self)
-        if self._seen is not None:
-            part._seen, part._hidden, part._hidden_limbs = (
-                each[rows] for each in (self._seen, self._hidden, self._hidden_limbs)
-            )
-        return part
 
     def __call__(self, vertices: Tensor) -> tuple[Tensor, Tensor]:
         """Compute the self-occlusion of vertices (B, V, 3).

@@ -21,7 +21,6 @@ from physic_core.engine.joint.terms.balance import BalanceSettings, BalanceTerm
 from physic_core.engine.joint.terms.contact import ContactTerm, ContactTermSettings
 from physic_core.engine.joint.terms.depth import DepthSettings, DepthTerm, depth_offset_sigmas
 from physic_core.engine.joint.terms.floor import FloorSettings, FloorTerm
-from physic_core.engine.joint.terms.joins import JoinSettings
 from physic_core.engine.joint.terms.limits import LimitSettings, LimitTerm
 from physic_core.engine.joint.terms.penetration import PenetrationSettings, PenetrationTerm
 from physic_core.engine.joint.terms.people import PeopleTerm
@@ -68,8 +67,6 @@ class DefaultOptimisation(JointMethod):
     """Height of people."""
     balance: BalanceSettings = field(default_factory=BalanceSettings)
     """Centre of mass over the feet."""
-    joins: JoinSettings = field(default_factory=JoinSettings)
-    """Hands that touch another hand or a knee."""
 
     @property
     def search_radius_m(self) -> float:
@@ -141,7 +138,3 @@ class DefaultOptimisation(JointMethod):
         other."""
         late = replace(self.optimiser, tolerance=min(self.optimiser.tolerance, _LATE_TOLERANCE))
         return [PeopleTerm(self.contact, self.penetration, context)], late
-
-    def joins_to_decide(self) -> JoinSettings | None:
-        """Return the settings of hands that may touch another hand or a knee."""
-        return self.joins if self.joins.weight else None
