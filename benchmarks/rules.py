@@ -73,7 +73,6 @@ class Rule:
 RULES = (
     Rule("depth term", "MPJPE mm", ("joint.depth.weight=0",)),
     Rule("occlusion awareness", "hidden limbs mm", ("joint.visibility.occlusion_aware=false",)),
-    Rule("balance", "PA mm", ("joint.balance.weight=0",)),
     Rule("limits", "PA mm", ("joint.limits.weight=0",)),
     Rule("soles", "F1", ("joint.soles.weight=0",)),
     Rule("stature", "MPJPE mm", ("joint.stature.weight=0",)),

@@ -114,21 +114,6 @@ def test_self_occlusion_is_found_again_after_a_motion_of_a_centimetre(standing):
     assert not torch.equal(occlusion(aside)[0], first)
 
 
-def test_a_person_who_leans_on_a_wall_is_not_balanced(make_stage, standing):
-    back = standing.vertices[0, standing.problem.model.contact_sets["back"], 2].max().item()
-
-    def balanced(gap, **changes):
-        wall = ([-2.0, -1.0, back + gap], [2.0, 1.3, back + gap + 0.1])
-        problem = make_stage([({}, (0.0, 0.0, 3.5))], [wall]).problem
-        return JointEnergy(replace(problem, **changes), SETTINGS).weights["balance"].tolist()
-
-    untouched = torch.zeros_like(standing.problem.contact_probability)
-    assert balanced(0.0) == [0.0]
-    assert balanced(0.5) == [1.0]
-    assert balanced(0.0, contact_probability=untouched) == [1.0]
-    assert balanced(0.0, observed=torch.zeros(1, 55, dtype=torch.bool)) == [0.0]
-
-
 def test_chamfer_equals_its_slow_reference_under_a_scale(standing):
     problem = standing.problem
     cloud = HumanPoints.from_problem(problem, most=0)

@@ -77,7 +77,6 @@ def test_scene_and_stature_share_a_disagreement_as_two_measurements_do(standing,
         depth__offset_sigma=0.0,
         regularisation__translation_weight=0.0,
         regularisation__sigma_m=10.0,
-        balance__weight=0.0,
         stature__weight=stature_weight,
         scene_scale__weight=1.0,
     )

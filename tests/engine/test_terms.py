@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from functools import partial
 
 import pytest
@@ -11,7 +10,6 @@ import torch
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.distances import hinge_angles, lowest_height, root_relative, signed_distance
-from physic_core.engine.joint.terms.balance import balance_energy, level_direction
 from physic_core.engine.joint.terms.limits import limit_energy
 from physic_core.engine.joint.terms.regularisation import parameter_energy
 from physic_core.engine.joint.terms.reprojection import reprojection_energy
@@ -105,12 +103,6 @@ def test_gradient_of_regularisation():
 
 def test_gradient_of_joint_limits():
     check(lambda x: limit_energy(roma.rotvec_to_rotmat(x)), rand(2, 55, 3, low=-0.9, high=0.9))
-
-
-def test_gradient_of_balance():
-    up = torch.nn.functional.normalize(torch.tensor([0.1, -1.0, -0.2], dtype=torch.float64), dim=0)
-    weight = torch.tensor([1.0, 0.5]).double()
-    check(lambda m, j: balance_energy(m, j, level_direction(up), weight, RHO), rand(2, 3), rand(2, 55, 3, seed=1))
 
 
 # ---- values
@@ -233,24 +225,3 @@ def test_knees_and_elbows_bend_as_the_body_does(body):
     assert moved[JOINT_INDEX["left_ankle"], 2] < -0.1
     assert moved[JOINT_INDEX["left_wrist"], 2] > 0.1
     assert moved[JOINT_INDEX["right_wrist"], 2] > 0.1
-
-
-def test_balance_keeps_a_standing_person_and_rights_a_leaning_one(body):
-    up = torch.tensor([0.0, 1.0, 0.0])
-    output = body(*body.zero_pose(1))
-    mass = output.vertices.mean(1) * torch.tensor([1.0, 1.0, 0.0]) + torch.tensor([0.0, 0.0, 0.05])
-
-    def value(angle):
-        turn = roma.rotvec_to_rotmat(torch.tensor([angle, 0.0, 0.0]))
-        return balance_energy(mass @ turn.T, output.joints @ turn.T, level_direction(up), torch.ones(1), square).item()
-
-    assert value(0.0) == 0
-    assert value(math.radians(15)) > 5
-    assert value(math.radians(-15)) > 5
-
-
-def test_balance_is_finite_when_the_camera_looks_straight_down():
-    up = torch.tensor([0.0, 0.0, -1.0], dtype=torch.float64)
-    mass = rand(1, 3)
-    balance_energy(mass, rand(1, 55, 3, seed=1), level_direction(up), torch.ones(1), RHO).sum().backward()
-    assert torch.isfinite(mass.grad).all()

@@ -51,7 +51,6 @@ class JointContext:
         contact_probability: (B, n) finite.
         is_contact: (B, n) bool, contact vertices, with a probability of at least one half.
         on_visible_part: (B, n) bool, on a visible limb.
-        above_knees: (n,) bool, on neither a lower leg nor a foot.
         soles: rows of ``ids`` of the left and of the right sole; empty if the body has none.
         keypoints: with their weights.
         person_px: (B,) stature in px at the person's depth.
@@ -77,7 +76,6 @@ class JointContext:
     contact_probability: Tensor
     is_contact: Tensor
     on_visible_part: Tensor
-    above_knees: Tensor
     soles: tuple[Tensor, Tensor]
     keypoints: WeightedKeypoints
     person_px: Tensor

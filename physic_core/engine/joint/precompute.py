@@ -57,7 +57,6 @@ def precompute(problem: JointProblem, method: JointMethod) -> JointContext:
         contact_probability=probability[:, ids],
         is_contact=is_contact[:, ids],
         on_visible_part=observed_parts(model.part_names, observed)[:, model.part_of_vertex[ids]],
-        above_knees=_above_knees(model)[ids],
         soles=_sole_rows(model, ids),
         keypoints=method.weigh_keypoints(problem, person_px),
         person_px=person_px,
@@ -122,12 +121,6 @@ def subsample_vertices(model: BodyModel, keep: Tensor, spacing: float, area: Ten
     ids = torch.cat([kept, rest[chosen]])
     order = ids.argsort()
     return ids[order], torch.cat([area[:, kept], summed], 1)[:, order]
-
-
-def _above_knees(model: BodyModel) -> Tensor:
-    """Return the vertices (V,) bool on neither a lower leg nor a foot."""
-    high = [not name.endswith(("lower_leg", "foot")) for name in model.part_names]
-    return torch.tensor(high, device=model.part_of_vertex.device)[model.part_of_vertex]
 
 
 def _seat(model: BodyModel) -> Tensor:

@@ -17,7 +17,6 @@ from physic_core.engine.joint.optimiser import LbfgsSettings, OptimiserSettings
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.state import DEPTH_SCALE_SIGMA, State, StateSigmas
 from physic_core.engine.joint.term import Term
-from physic_core.engine.joint.terms.balance import BalanceSettings, BalanceTerm
 from physic_core.engine.joint.terms.contact import ContactTerm, ContactTermSettings
 from physic_core.engine.joint.terms.depth import DepthSettings, DepthTerm, depth_offset_sigmas
 from physic_core.engine.joint.terms.floor import FloorSettings, FloorTerm
@@ -65,8 +64,6 @@ class DefaultOptimisation(JointMethod):
     """Knees and elbows."""
     stature: StatureSettings = field(default_factory=StatureSettings)
     """Height of people."""
-    balance: BalanceSettings = field(default_factory=BalanceSettings)
-    """Centre of mass over the feet."""
 
     @property
     def search_radius_m(self) -> float:
@@ -113,10 +110,9 @@ class DefaultOptimisation(JointMethod):
     def terms(self, context: JointContext, state: State) -> Sequence[Term]:
         """Return the terms of the energy, in the order of summation."""
         aware = self.visibility.occlusion_aware
-        contact = ContactTerm(self.contact, context)
         surface = SurfaceTermGroup(
             depth=DepthTerm(self.depth, context, state),
-            contact=contact,
+            contact=ContactTerm(self.contact, context),
             penetration=PenetrationTerm(self.penetration, context, occlusion_aware=aware),
             floor=FloorTerm(self.floor, context),
             soles=SoleTerm(self.soles, context),
@@ -129,7 +125,6 @@ class DefaultOptimisation(JointMethod):
             SceneScaleTerm(self.scene_scale.weight),
             LimitTerm(self.limits),
             StatureTerm(self.stature, context),
-            BalanceTerm(self.balance, context, contact),
             ViewsTerm(keypoints, context),
         ]
 
