@@ -77,7 +77,6 @@ RULES = (
     Rule("soles", "F1", ("joint.soles.weight=0",)),
     Rule("stature", "MPJPE mm", ("joint.stature.weight=0",)),
     Rule("free shape", "MPJPE mm", ('joint.frozen=["betas"]',)),
-    Rule("reach of seats", "MPJPE mm", ("joint.contact.seat_distance_m=0.15",)),
     Rule("people term", "people F1", ("joint.contact.people_weight=0", "joint.penetration.people_weight=0")),
     Rule(
         "floor under people",

@@ -88,20 +88,6 @@ def test_keypoints_outside_the_image_count_nothing(standing):
     assert weight[:4].tolist() == pytest.approx([0, 0, 0.02, 1])
 
 
-def test_standing_and_other_poses_are_recognised(make_stage):
-    sitting = {"left_hip": (-1.5, 0, 0), "right_hip": (-1.5, 0, 0), "left_knee": (1.5, 0, 0), "right_knee": (1.5, 0, 0)}
-    stage = make_stage([({}, (-0.6, 0.0, 3.5)), (sitting, (0.5, 0.0, 3.5))])
-    assert JointEnergy(stage.problem, SETTINGS).context.standing.tolist() == [True, False]
-    unseen = replace(stage.problem, observed=torch.zeros_like(stage.problem.observed))
-    assert not JointEnergy(unseen, SETTINGS).context.standing.any()
-
-
-def test_one_lifted_foot_leaves_a_person_standing_and_two_do_not(standing):
-    for lifted, stands in (([True, False], True), ([True, True], False)):
-        problem = replace(standing.problem, lifted_feet=torch.tensor([lifted]))
-        assert JointEnergy(problem, SETTINGS).context.standing.tolist() == [stands]
-
-
 def test_self_occlusion_is_found_again_after_a_motion_of_a_centimetre(standing):
     occlusion, vertices = OcclusionTracker(JointEnergy(standing.problem, SETTINGS).context), standing.vertices
     first = occlusion(vertices)[0].clone()

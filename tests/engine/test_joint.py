@@ -154,13 +154,6 @@ def test_a_person_on_a_step_is_not_pulled_to_the_floor(make_stage):
     assert error_mm(result, stage) < 15
 
 
-@pytest.mark.parametrize(("high", "pulled"), [(0.07, 1.0), (0.13, 0.0)], ids=["bent floor", "step"])
-def test_a_surface_hardly_above_the_floor_is_no_step(make_stage, high, pulled):
-    stage = make_stage(ALONE, boxes=[((-0.5, 1.3 - high, 3.1), (0.5, 1.3, 4.0))], stands_at=1.3 - high)
-    energy = JointEnergy(stage.problem, SETTINGS)
-    assert energy.weights["soles"].tolist() == [[pulled, pulled]]
-
-
 def test_legs_that_the_photo_does_not_show_feel_no_floor(standing, monkeypatch):
     """A floor drawn through the shins, and a person who is cut at the hips: nothing there may pull or push."""
     model, problem = standing.problem.model, standing.problem

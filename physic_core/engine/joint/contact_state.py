@@ -10,14 +10,11 @@ from torch import Tensor
 from physic_core.engine.distances import signed_distance
 from physic_core.engine.joint.context import JointContext
 from physic_core.geometry.free_space import in_free_space
-from physic_core.geometry.neighbors import Nearest, NearestPointSearch, inside_body_boxes
+from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
 from physic_core.geometry.plane import height_over_plane
 
 MAX_MOTION_M = 0.6
 """Motion of people, metres, after which the search structure of nearby scene points is rebuilt."""
-
-_MIN_LEVEL_COSINE = 0.7  # between up and the normal of a level surface
-_MIN_STEP_M = 0.1  # height of a step; lower points may be floor that the point map bends
 
 
 @dataclass(frozen=True)
@@ -25,13 +22,12 @@ class ContactState:
     """Nearest scene points and distances of the subsampled vertices (B, n).
 
     Attributes:
-        found: bool, a scene point is within the reach of the vertex.
+        found: bool, a scene point is within the search radius of the vertex.
         distance: to that point, metres.
         signed: along its normal, metres, negative inside; inf if no point is found.
         height: above the floor's plane, metres; inf if there is no plane.
         facing_scene: cosine between the body's normal and minus the scene's normal; 0 without a scene.
         facing_floor: cosine between the body's normal and minus the floor's normal.
-        on_step: bool, the nearest point is on a horizontal surface more than 10 cm above the floor.
         in_free_space: bool, nearer to the camera than the depth map at its pixel.
         points: (B, n, 3) nearest scene points, unscaled; None without a scene, as are the fields below.
         normals: (B, n, 3) of those points.
@@ -44,7 +40,6 @@ class ContactState:
     height: Tensor
     facing_scene: Tensor
     facing_floor: Tensor
-    on_step: Tensor
     in_free_space: Tensor
     points: Tensor | None
     normals: Tensor | None
@@ -53,21 +48,9 @@ class ContactState:
 
 def nearby_scene(context: JointContext, vertices: Tensor, scale: float) -> NearestPointSearch:
     """Build the search structure of the scene points near people (B, V, 3), with a margin for their motion."""
-    radius = float(context.reach_m.amax())
-    points, normals = context.problem.scene_points, context.problem.scene_normals
+    points, normals, radius = context.problem.scene_points, context.problem.scene_normals, context.search_radius_m
     keep = inside_body_boxes(points, vertices / scale, (radius + MAX_MOTION_M) / scale)
-    return NearestPointSearch(points[keep], normals[keep], context.search_radius_m)
-
-
-def _query(context: JointContext, scene: NearestPointSearch, vertices: Tensor, scale: float) -> Nearest:
-    """Find the nearest scene point of each vertex (B, n, 3) within its reach."""
-    nearest = scene.query(vertices, scale)
-    farther = context.reach_m > context.search_radius_m
-    if bool(farther.any()):
-        of_seats = scene.query(vertices[farther], scale, float(context.reach_m.amax()))
-        for known, own in zip((nearest.index, nearest.distance, nearest.found), vars(of_seats).values(), strict=True):
-            known[farther] = own
-    return nearest
+    return NearestPointSearch(points[keep], normals[keep], radius)
 
 
 @torch.no_grad()
@@ -83,12 +66,12 @@ def update_contacts(
         scale: of the scene.
     """
     problem, plane = context.problem, context.problem.floor_normal
-    nearest = _query(context, scene, vertices, scale)
+    nearest = scene.query(vertices, scale)
     far, zeros = torch.full_like(context.area, torch.inf), torch.zeros_like(context.area)
     no = torch.zeros_like(context.on_visible_part)
     free = no if context.fronts is None else in_free_space(vertices / scale, context.fronts, problem.K)
     floor_offset = vertices.new_tensor(problem.floor_offset * scale)
-    signed, facing_scene, on_step = far, zeros, no
+    signed, facing_scene = far, zeros
     points = normals = plane_distance = None
     if len(scene.points):
         points, normals = scene.points[nearest.index], scene.normals[nearest.index]
@@ -96,9 +79,6 @@ def update_contacts(
         scaled = points * scale
         signed = torch.where(nearest.found, signed_distance(vertices, scaled, normals), far)
         facing_scene = -(body_normals * normals).sum(-1)
-        if plane is not None:
-            raised = height_over_plane(scaled, plane, floor_offset) > _MIN_STEP_M
-            on_step = nearest.found & raised & ((normals @ plane) > _MIN_LEVEL_COSINE)
     return ContactState(
         found=nearest.found,
         distance=nearest.distance,
@@ -106,7 +86,6 @@ def update_contacts(
         height=far if plane is None else height_over_plane(vertices, plane, floor_offset),
         facing_scene=facing_scene,
         facing_floor=zeros if plane is None else -(body_normals @ plane),
-        on_step=on_step,
         in_free_space=free,
         points=points,
         normals=normals,

@@ -42,7 +42,6 @@ class JointContext:
         person_weights: (B,) weight of each person's terms.
         visibility: settings.
         search_radius_m: of vertices for scene points, metres.
-        reach_m: (B, n) the same of each vertex: larger for seats, see :meth:`JointMethod.seat_reach_m`.
         ids: (n,) int64, indices of the subsampled vertices.
         faces: (f, 3) int64, those at the subsampled vertices.
         faces_of_vertices: (n, most) int64, adjacent ``faces`` of each subsampled vertex, padded with f.
@@ -56,7 +55,6 @@ class JointContext:
         person_px: (B,) stature in px at the person's depth.
         start: posed bodies at the start, all vertices.
         relative: (B, n, 3) subsampled vertices at the start in the root's frame, metres.
-        standing: (B,) bool, people who stand with both ankles visible, without those with both feet in the air.
         feet_visible: (B, 2) bool.
         log_depth: (H, W) logarithm of the depth map of the original photo, NaN where unknown; or None.
         fronts: of the scene, see :mod:`physic_core.geometry.free_space`; None without a depth of the scene.
@@ -67,7 +65,6 @@ class JointContext:
     person_weights: Tensor
     visibility: VisibilitySettings
     search_radius_m: float
-    reach_m: Tensor
     ids: Tensor
     faces: Tensor
     faces_of_vertices: Tensor
@@ -81,7 +78,6 @@ class JointContext:
     person_px: Tensor
     start: BodyOutput
     relative: Tensor
-    standing: Tensor
     feet_visible: Tensor
     log_depth: Tensor | None
     fronts: Tensor | None

@@ -48,11 +48,6 @@ class JointMethod(ABC):
     def search_radius_m(self) -> float:
         """Search radius of vertices for scene points, metres."""
 
-    @property
-    def seat_reach_m(self) -> float:
-        """Search radius of the contact vertices of buttocks and thighs, metres; by default that of all vertices."""
-        return self.search_radius_m
-
     def prepare(self, problem: JointProblem) -> JointProblem:
         """Return the problem as the energy uses it, with the scene points that distances are measured to."""
         return select_surface(problem)

@@ -9,7 +9,6 @@ from torch import Tensor
 
 from physic_core.body.joints import joint_pair
 from physic_core.body.model import BodyModel
-from physic_core.body.posture import standing_legs
 from physic_core.engine.distances import root_relative
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.method import JointMethod
@@ -39,8 +38,6 @@ def precompute(problem: JointProblem, method: JointMethod) -> JointContext:
     area = vertex_areas(start.vertices, model.faces)
     ids, area = subsample_vertices(model, is_contact.any(0), method.visibility.vertex_spacing_m, area)
     person_px = _person_px(problem, start.joints[:, 0])
-    standing = _standing(problem, start.joints, observed)
-    sits = is_contact & _seat(model) & ~standing[:, None]
     depth = problem.human_depth
     faces, around = faces_around_vertices(model.faces, model.faces_of_vertices[ids])
     context = JointContext(
@@ -48,7 +45,6 @@ def precompute(problem: JointProblem, method: JointMethod) -> JointContext:
         person_weights=person_weights,
         visibility=method.visibility,
         search_radius_m=method.search_radius_m,
-        reach_m=torch.where(sits, method.seat_reach_m, method.search_radius_m)[:, ids],
         ids=ids,
         faces=faces,
         faces_of_vertices=around,
@@ -62,7 +58,6 @@ def precompute(problem: JointProblem, method: JointMethod) -> JointContext:
         person_px=person_px,
         start=start,
         relative=root_relative(start.vertices[:, ids], start.joints[:, 0], problem.rotations0[:, 0]),
-        standing=standing,
         feet_visible=observed[:, _ANKLES] & inside_image(project(start.joints[:, _ANKLES], problem.K), height, width),
         log_depth=None if depth is None else torch.where(depth > 0, depth, torch.nan).log(),
         fronts=None if problem.scene_depth is None else front_depth(problem.scene_depth),
@@ -81,14 +76,6 @@ def _context_of_view(context: JointContext, view: OtherView, method: JointMethod
 def _person_px(problem: JointProblem, pelvis: Tensor) -> Tensor:
     """Return the stature (B,) in px of people whose pelvis (B, 3) is at a position in the camera frame."""
     return problem.K[1, 1] * problem.model.stature(problem.betas0) / pelvis[:, 2].clamp(min=0.1)
-
-
-def _standing(problem: JointProblem, joints: Tensor, observed: Tensor) -> Tensor:
-    """Return the people (B,) bool with a standing pose, both ankles visible, and a foot on something."""
-    up = None if problem.floor_normal is None else problem.floor_normal.cpu().numpy()
-    legs = torch.from_numpy(standing_legs(joints.cpu().numpy(), up)).to(joints.device)
-    standing = legs.any(1) & observed[:, _ANKLES].all(1)
-    return standing if problem.lifted_feet is None else standing & ~problem.lifted_feet.all(1)
 
 
 def subsample_vertices(model: BodyModel, keep: Tensor, spacing: float, area: Tensor) -> tuple[Tensor, Tensor]:
@@ -121,14 +108,6 @@ def subsample_vertices(model: BodyModel, keep: Tensor, spacing: float, area: Ten
     ids = torch.cat([kept, rest[chosen]])
     order = ids.argsort()
     return ids[order], torch.cat([area[:, kept], summed], 1)[:, order]
-
-
-def _seat(model: BodyModel) -> Tensor:
-    """Return the vertices (V,) bool of buttocks and thighs."""
-    seat = torch.zeros_like(model.outer)
-    for name in ("gluteus", "thighs"):
-        seat[model.contact_sets.get(name, model.part_of_vertex.new_zeros(0))] = True
-    return seat
 
 
 def _sole_rows(model: BodyModel, ids: Tensor) -> tuple[Tensor, Tensor]:

@@ -15,7 +15,7 @@ class RobustSum:
 
     Attributes:
         kind: of loss, see :mod:`physic_core.geometry.robust`.
-        scale: of the loss, in sigmas; (B, n), or one for all.
+        scale: of the loss, in sigmas.
         sigma: expected residual.
         weight: (B, n).
         value_weight: (B, n) weights of the values of the loss of unit scale.
@@ -23,14 +23,14 @@ class RobustSum:
     """
 
     kind: str
-    scale: float | Tensor
+    scale: float
     sigma: float
     weight: Tensor
     value_weight: Tensor
     slope_weight: Tensor
 
     @classmethod
-    def of(cls, kind: str, scale: float | Tensor, sigma: float, weight: Tensor) -> RobustSum:
+    def of(cls, kind: str, scale: float, sigma: float, weight: Tensor) -> RobustSum:
         """Build from the type of loss, its scale in units of ``sigma``, the expected residual and weights (B, n)."""
         return cls(kind, scale, sigma, weight, weight * scale**2, weight * (2.0 / sigma**2))
 

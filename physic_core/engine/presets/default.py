@@ -70,11 +70,6 @@ class DefaultOptimisation(JointMethod):
         """Search radius of vertices for scene points, metres."""
         return max(self.contact.max_distance_m, self.penetration.max_depth_m)
 
-    @property
-    def seat_reach_m(self) -> float:
-        """Search radius of seats, metres."""
-        return max(self.search_radius_m, self.contact.seat_distance_m)
-
     def prepare(self, problem: JointProblem) -> JointProblem:
         """Return the problem with the scene points that have a normal, and with static contacts if selected."""
         problem = super().prepare(problem)

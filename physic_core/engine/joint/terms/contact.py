@@ -27,9 +27,6 @@ class ContactTermSettings:
     """Weight of static parts without expected contact; 0 removes them."""
     max_distance_m: Positive = 0.15
     """Contact vertices farther from scene and floor are skipped, metres."""
-    seat_distance_m: Positive = 0.3
-    """The same for the seats of sitting people and horizontal surfaces of the scene above the floor. Depth separates
-    people from their seats: by 0.05 to 0.4 m in photos."""
     sigma_m: Positive = 0.02
     """Expected error of the surface, metres."""
     outlier_sigmas: Positive = 3.5
@@ -46,8 +43,6 @@ class ContactTerm:
 
     Attributes:
         prior: (B, n) weight of each vertex by its contact probability.
-        is_seat: (B, n) bool, contact vertices with the reach of seats.
-        seated: (B, n) bool, those over a horizontal surface of the scene.
         on_scene: (B, n) bool, contact is with the scene, otherwise with the floor.
         touching: (B, n) bool, near a surface that the vertex faces, on a visible limb.
     """
@@ -63,22 +58,17 @@ class ContactTerm:
                 static[model.contact_sets[name]] = True
             prior = torch.where(static[context.ids], prior.clamp(min=settings.static_weight), prior)
         self.prior = prior * context.problem.weight_of_feet()[:, context.ids]
-        self.is_seat = context.reach_m > context.search_radius_m
         self.weights: dict[str, Tensor] = {}
-        self.on_scene = self.touching = self.seated = torch.zeros_like(context.is_contact)
+        self.on_scene = self.touching = torch.zeros_like(context.is_contact)
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Select the vertices near a surface that they face, and weigh them by the cosine between the normals."""
         contacts, reach = snapshot.contacts, self.settings.max_distance_m
         to_scene, to_floor = contacts.signed.abs(), contacts.height.abs()
-        seated = self.is_seat & contacts.on_step
-        near = (contacts.distance < self._context.search_radius_m) & (to_scene < reach)
-        near = near | (seated & (to_scene < self.settings.seat_distance_m))
-        can_scene = contacts.found & near & (contacts.facing_scene > 0)
+        can_scene = contacts.found & (to_scene < reach) & (contacts.facing_scene > 0)
         can_floor = (to_floor < reach) & (contacts.facing_floor > 0)
         self.on_scene = can_scene & (~can_floor | (to_scene <= to_floor))
         self.touching = (can_scene | can_floor) & snapshot.visibility.eligible
-        self.seated = seated & self.on_scene
         # Only vertices that face a surface can lie on it: the rim of a foot is over the floor without contact.
         cosine = torch.where(self.on_scene, contacts.facing_scene, contacts.facing_floor).clamp(min=0.0)
         weight = self._context.area * self.prior * cosine
@@ -89,8 +79,4 @@ class ContactTerm:
         s = self.settings
         if not s.weight:
             return None
-        scale: float | Tensor = s.outlier_sigmas
-        if bool(self.seated.any()):
-            farther = self.prior.new_tensor(s.seat_distance_m / s.max_distance_m)
-            scale = torch.where(self.seated, farther, torch.ones_like(farther)) * scale
-        return RobustSum.of("geman_mcclure", scale, s.sigma_m, s.weight * self.weights["contact"])
+        return RobustSum.of("geman_mcclure", s.outlier_sigmas, s.sigma_m, s.weight * self.weights["contact"])

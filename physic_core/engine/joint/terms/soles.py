@@ -18,7 +18,6 @@ _LOWER_SIGMA_M, _LOWER_OUTLIER_SIGMAS = 0.04, 2.0
 _MAX_LOWER_HEIGHT_M = 0.4  # a lower foot at a larger height is skipped
 _UNSEEN_SIGMA_M, _UNSEEN_OUTLIER_SIGMAS = 0.05, 3.0
 _MAX_UNSEEN_SIGMAS = 4.0  # an invisible foot at a larger height is skipped
-_STEP_SHARE = 0.3  # of a sole's vertices; a foot with more of them over a step is on the step
 
 
 @dataclass(frozen=True)
@@ -69,22 +68,20 @@ class SoleTerm:
         return self._context.problem.floor_normal is not None and bool(s.weight or s.lower_weight or s.unseen_weight)
 
     def refresh(self, snapshot: Snapshot) -> None:
-        """Select the feet that are not on a step, and the people whose lower foot is expected to touch the floor."""
+        """Select the feet that are not in the air, and the people whose lower foot is expected to touch the floor."""
         context, contacts = self._context, snapshot.contacts
         far = torch.full_like(context.area[:, 0], torch.inf)
         heights = [contacts.height[:, rows] for rows in context.soles]
         lowest = torch.stack([lowest_height(h) if h.shape[1] else far for h in heights], 1)
-        on_step = contacts.on_step & (contacts.signed.abs() < contacts.height)
-        stepped = torch.stack([_share(on_step[:, rows]) > _STEP_SHARE for rows in context.soles], 1)
-        on_floor = context.feet_visible & torch.isfinite(lowest) & ~stepped
+        on_floor = context.feet_visible & torch.isfinite(lowest)
         if context.problem.lifted_feet is not None:
             on_floor = on_floor & ~context.problem.lifted_feet
-        likely = torch.stack([_share(context.is_contact[:, rows]) > 0 for rows in context.soles], 1)
+        likely = torch.stack([context.is_contact[:, rows].any(1) for rows in context.soles], 1)
         lower = torch.where(on_floor, lowest, torch.full_like(lowest, torch.inf)).amin(1)
-        pulled = (on_floor & likely).any(1) & ~stepped.any(1) & (lower.abs() < _MAX_LOWER_HEIGHT_M)
+        pulled = (on_floor & likely).any(1) & (lower.abs() < _MAX_LOWER_HEIGHT_M)
         if context.problem.grounded is not None:
             pulled = pulled & context.problem.grounded
-        unseen = ~context.feet_visible & (lowest.abs() < _MAX_UNSEEN_SIGMAS * _UNSEEN_SIGMA_M) & ~stepped
+        unseen = ~context.feet_visible & (lowest.abs() < _MAX_UNSEEN_SIGMAS * _UNSEEN_SIGMA_M)
         dtype = context.area.dtype
         touch, either = torch.ones_like(lowest), torch.ones_like(lowest[:, 0])
         if context.problem.foot_touch is not None:
@@ -112,8 +109,3 @@ class SoleTerm:
             return seen
         unseen = robust_loss("geman_mcclure", (lowest / _UNSEEN_SIGMA_M).square(), _UNSEEN_OUTLIER_SIGMAS)
         return seen + s.unseen_weight * (self.weights["unseen_soles"] * unseen).sum(1)
-
-
-def _share(flags: Tensor) -> Tensor:
-    """Return the share of True values in each row: (B, n) bool -> (B,); 0 for n = 0."""
-    return flags.sum(1) / max(1, flags.shape[1])
