@@ -79,13 +79,6 @@ RULES = (
     Rule("free shape", "MPJPE mm", ('joint.frozen=["betas"]',)),
     Rule("people term", "people F1", ("joint.contact.people_weight=0", "joint.penetration.people_weight=0")),
     Rule(
-        "floor under people",
-        "F1",
-        ("scene.floor_under_people=false",),
-        watched="physic_core.engine.joint.final_scene.floor_under_people",
-        acts=lambda _, floor: floor is not None,
-    ),
-    Rule(
         "lifted feet",
         "F1",
         ("placement.detect_lifted_feet=false",),

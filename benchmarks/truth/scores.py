@@ -190,10 +190,8 @@ def _person(sample: Sample, name: str, truth: Array, up: Array | None, person: M
 
 
 def _floor(sample: Sample, answer: Answer, up: Array, height: float) -> Record:
-    """A floor that the tool only assumes, because its own check refused what it saw, counts as missing."""
-    refused = any(check["name"] == "floor" and check["state"] == "failed" for check in answer["checks"])
-    floor = None if answer["floor"] is None or refused else np.array(answer["floor"], np.float64)
-    record = {**_of(sample), **floor_errors(floor, up, height), "refused": refused}
+    floor = None if answer["floor"] is None else np.array(answer["floor"], np.float64)
+    record = {**_of(sample), **floor_errors(floor, up, height)}
     record["missing"] = not record["floor"]
     record["camera_height_off"] = abs(record["camera_height_ratio"] - 1)
     return record

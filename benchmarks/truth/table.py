@@ -88,7 +88,7 @@ def rows_of(people: Sequence[Record], floors: Sequence[Record], photos: Sequence
     rows.append(row("MPJPE mm with the true stature given", stature, pooled("mpjpe_mm"), "<= 130"))
     rows += [
         row("floor: angle deg", known(of(floors), "floor_angle_deg"), pooled("floor_angle_deg"), "<= 2.5", digits=1),
-        row("  missing or refused where one is in sight", of(floors), pooled("missing"), "<= 5 %", percent=True),
+        row("  missing where one is in sight", of(floors), pooled("missing"), "<= 5 %", percent=True),
         row(
             "  camera height off by",
             known(of(floors), "camera_height_off"),

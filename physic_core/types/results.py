@@ -206,13 +206,12 @@ class Reconstruction(ShortRepr):
 
     def __repr__(self) -> str:
         people, warnings, sigma = len(self.people), len(self.warnings), self.scene.scale_sigma
-        rejected = any(check.name == "floor" and check.failed for check in self.checks)
         parts = (
             "1 person" if people == 1 else f"{people} people",
             *([f"{len(self.unposed)} without a body"] if self.unposed else []),
             *([f"{len(self.cameras)} photos"] if self.cameras else []),
             f"{self.intrinsics.width} x {self.intrinsics.height}",
-            "no floor" if self.scene.floor is None else "floor assumed" if rejected else "floor found",
+            "no floor" if self.scene.floor is None else "floor found",
             "scale of unknown error" if sigma is None else f"scale ±{100 * sigma:.0f} %",
             "1 warning" if warnings == 1 else f"{warnings or 'no'} warnings",
         )

@@ -389,15 +389,6 @@ def test_a_given_size_that_the_photo_contradicts_makes_a_person_doubtful(
     assert grade is (Grade.DOUBTFUL if sigmas > 3 else Grade.GOOD)
 
 
-def test_the_floor_assumed_at_the_feet_measures_no_height() -> None:
-    estimates, solution, settings = case(report={"support_gap_m": 0.0})
-    solution.diagnostics["scene"]["floor"] = {"reason": "no_consensus", "source": "people", "mask_reason": None}
-    found = {d.name: d for d in run_checks(estimates, solution, settings)}
-    assert found["floor"].failed
-    for name in ("floating", "lean"):
-        assert found[name].message == "not measured: the floor is only assumed at the people's feet"
-
-
 def test_a_person_lists_what_failed_and_what_is_unknown() -> None:
     found = run_checks(*case(floor="no_consensus", report={"reprojection_share": 0.05, "seen_share": 0.9}))
     assert failed_checks(found, 0) == ("reprojection",)

@@ -1,4 +1,4 @@
-"""The scene of a result: with a floor under people where none is seen, and where it is made up in nobody."""
+"""The scene of a result: it is made up in nobody."""
 
 from __future__ import annotations
 
@@ -16,39 +16,8 @@ pytestmark = pytest.mark.kernels
 SIZE = (320, 240)
 
 
-@pytest.fixture(scope="module")
-def counter() -> World:
-    """Somebody behind a counter that hides all of the floor."""
-    return build_world("stand_behind_counter", 840995399, SIZE)
-
-
 def solved(world: World, *overrides: str) -> Reconstruction:
     return reconstruct(world.image, load_config(preset="mock", overrides=list(overrides)))
-
-
-def message(result: Reconstruction) -> str:
-    (check,) = [c for c in result.checks if c.name == "floor"]
-    assert not check.ok
-    return str(check.message)
-
-
-def test_a_floor_that_no_photo_shows_is_put_under_the_soles_and_named_so(counter: World) -> None:
-    bare = solved(counter, "engine.scene.floor_under_people=false")
-    assert bare.scene.floor is None
-    assert "people are not constrained to the ground, and heights are unknown" in message(bare)
-    result = solved(counter)
-    floor = result.scene.floor
-    assert "it is assumed at the people's feet, and its height is only as accurate as their pose" in message(result)
-    true = counter.floor
-    assert float(np.asarray(floor.normal) @ np.asarray(true.normal)) > np.cos(np.radians(6))
-    body = load_body("embedded")
-    soles = torch.cat([body.contact_sets["left_sole"], body.contact_sets["right_sole"]]).numpy()
-    heights = result.people[0].vertices[soles] @ np.asarray(floor.normal) + floor.offset
-    assert abs(float(np.sort(heights)[: len(heights) // 20].mean())) < 0.01
-    assert len(result.scene.floor_points) > 100
-    on_plane = result.scene.floor_points @ np.asarray(floor.normal) + floor.offset
-    assert np.abs(on_plane).max() < 1e-3
-    np.testing.assert_array_equal(result.people[0].vertices, bare.people[0].vertices)
 
 
 def test_inpainted_scene_lies_in_no_body_and_visible_scene_stays() -> None:

@@ -9,7 +9,6 @@ import torch
 from physic_core import types
 from physic_core.types import (
     BodyParameters,
-    CheckResult,
     DepthMap,
     Intrinsics,
     People,
@@ -56,12 +55,11 @@ def result(people: int, found: Scene, **further: object) -> Reconstruction:
 
 def test_the_repr_of_a_reconstruction_is_one_line():
     floor = Plane(np.array([0, -1.0, 0]), 1.5)
-    unsure = CheckResult("floor", "failed", 0.0, 0.15, "at least", "share", "no floor was found")
     assert repr(result(2, scene(floor, 0.08), warnings=("no scale",))) == (
         "Reconstruction(2 people, 640 x 480, floor found, scale ±8 %, 1 warning)"
     )
-    assert repr(result(1, scene(floor), checks=(unsure,))) == (
-        "Reconstruction(1 person, 640 x 480, floor assumed, scale of unknown error, no warnings)"
+    assert repr(result(1, scene(floor))) == (
+        "Reconstruction(1 person, 640 x 480, floor found, scale of unknown error, no warnings)"
     )
     assert "0 people, 640 x 480, no floor" in repr(result(0, scene()))
 

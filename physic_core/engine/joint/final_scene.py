@@ -1,4 +1,4 @@
-"""Final scene after stage 3: inpainted points moved out of people, floor completed."""
+"""Final scene after stage 3: inpainted points moved out of people."""
 
 from __future__ import annotations
 
@@ -7,27 +7,20 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from physic_core.body.joints import joint_pair
 from physic_core.engine.joint.problem import JointProblem, JointResult
 from physic_core.engine.scene.cleaning import edge_ratio
-from physic_core.engine.scene.floor_below_people import floor_under_people
 from physic_core.engine.scene.method import SceneSettings
 from physic_core.engine.scene.solve import SceneState
 from physic_core.geometry.behind_bodies import move_behind_bodies
-from physic_core.geometry.plane import sample_plane
 from physic_core.geometry.pointmap import pointmap_normals
-from physic_core.geometry.tensors import select_pixels
-
-_ANKLES = joint_pair("ankle")
 
 
 def finalize_scene(
     scene: SceneState, problem: JointProblem, result: JointResult, hole: Tensor, settings: SceneSettings
 ) -> tuple[SceneState, JointProblem]:
-    """Return the scene after the joint optimisation, and the problem with the points, depth and floor of that scene.
+    """Return the scene after the joint optimisation, and the problem with the points and the depth of that scene.
 
-    The scene's scale is not applied. Inpainted points inside people are moved out. If no floor was found, one may be
-    placed under the soles.
+    The scene's scale is not applied. Inpainted points inside people are moved out.
 
     Args:
         hole: (H, W) bool, inpainted pixels.
@@ -43,22 +36,6 @@ def finalize_scene(
         scene_normals=normals.to(problem.scene_normals),
         scene_depth=None if problem.scene_depth is None else scene.depth.to(problem.scene_depth),
     )
-    if scene.floor_normal is None and settings.floor_under_people and bool(finite.any()):
-        under = floor_under_people(
-            result.vertices / s,
-            result.joints / s,
-            problem.model.soles,
-            problem.scene_points,
-            problem.scene_normals,
-        )
-        if under is not None:
-            scene = _with_floor(scene, *under, result.joints[finite][:, _ANKLES].flatten(0, 1) / s)
-            problem = replace(
-                problem,
-                floor_normal=under[0],
-                floor_offset=under[1],
-                floor_points=scene.floor_points.to(problem.scene_points),
-            )
     return scene, problem
 
 
@@ -87,16 +64,3 @@ def _span(hit: Tensor) -> slice:
     """Return the span of the true elements of ``hit`` (n,) with one neighbour on each side."""
     at = hit.nonzero()
     return slice(max(0, int(at[0]) - 1), int(at[-1]) + 2)
-
-
-def _with_floor(scene: SceneState, normal: Tensor, offset: float, ankles: Tensor) -> SceneState:
-    """Add a floor under people, with samples around their ankles (n, 3)."""
-    up = normal.to(scene.points)
-    points = sample_plane(
-        up,
-        offset,
-        select_pixels(scene.valid, scene.points)[0],
-        centres=ankles.to(up) - (ankles.to(up) @ up + offset)[:, None] * up,
-    )
-    diagnostics = {**scene.diagnostics, "floor": {**scene.diagnostics["floor"], "source": "people"}}
-    return replace(scene, floor_normal=up, floor_offset=offset, floor_points=points, diagnostics=diagnostics)

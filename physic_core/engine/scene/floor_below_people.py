@@ -1,7 +1,4 @@
-"""Floor from people: reject a plane that contradicts them, and fit a hidden floor under their soles.
-
-The normal of a hidden floor is the up direction estimated from the scene's normals. OpenCV camera frame, metres.
-"""
+"""Reject a floor that contradicts the people on it. OpenCV camera frame, metres."""
 
 from __future__ import annotations
 
@@ -13,8 +10,7 @@ import torch
 from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
-from physic_core.body.posture import standing_legs, trunk_tilt_deg
-from physic_core.engine.distances import lowest_height
+from physic_core.body.posture import standing_legs
 from physic_core.engine.scene.solve import SceneState
 from physic_core.geometry.floor import MIN_UP_CONFIDENCE, PlaneFit
 from physic_core.geometry.gravity import estimate_up
@@ -23,54 +19,12 @@ from physic_core.geometry.plane import height_over_plane
 FloorRejection = Literal["through_people", "far_below_people", "tilted"]
 """Reason for which people reject a floor."""
 
-_UPRIGHT_DEG = 50.0  # largest tilt of the trunk of people whose soles carry them
 _CONFIDENCE_FACTOR = 0.5  # on the up confidence of a floor search: a tilt has little effect near the feet
-_APART_M = 0.2  # metres, largest difference of sole heights on one floor
-_BELOW_M, _BELOW_SHARE = 0.05, 0.02  # metres, and share of the depth: least distance of a point below the floor
-_MAX_BELOW = 0.05  # largest share of points below the floor
 _UP_AGREES = math.cos(math.radians(30.0))  # least cosine between a floor and the up direction of the scene's normals
 _STANDS = math.cos(math.radians(45.0))  # least cosine between straight bodies and the camera's up axis
 _STANDING_AGREES = math.cos(math.radians(40.0))  # between a floor and straight bodies, which lean on things
 _CUT_M, _CUT_SHARE = 0.25, 0.1  # metres below a plane, and share of a body's vertices below that
 _FAR_BELOW_M, _FAR_BELOW_SHARE = 0.8, 0.15  # metres, and share of the depth: a floor this far below is not theirs
-
-
-def floor_under_people(
-    vertices: Tensor,
-    joints: Tensor,
-    soles: Tensor,
-    points: Tensor,
-    normals: Tensor,
-) -> tuple[Tensor, float] | None:
-    """Fit a floor plane under the soles of upright people; None if the up direction is unknown or the fit is rejected.
-
-    The fit is rejected if the heights of the soles differ too much, the floor is not below the camera, or too many
-    scene points are below the floor.
-
-    Args:
-        vertices: (B, V, 3); people with non-finite vertices are ignored.
-        joints: (B, 55, 3).
-        soles: (S,) int64 vertices.
-        points: (M, 3) of the scene.
-        normals: (M, 3) unit, zero where unknown.
-
-    Returns:
-        Unit normal (3,), up, and offset: the height of X is ``normal . X + offset``.
-    """
-    estimate = estimate_up(normals)
-    if estimate is None or estimate.confidence < _CONFIDENCE_FACTOR * MIN_UP_CONFIDENCE:
-        return None
-    up = estimate.up.to(vertices)
-    tilt = torch.from_numpy(trunk_tilt_deg(joints.cpu().numpy(), up.cpu().numpy())).to(vertices.device)
-    upright = (tilt < _UPRIGHT_DEG) & torch.isfinite(vertices).flatten(1).all(1)
-    if not bool(upright.any()):
-        return None
-    lowest = lowest_height(vertices[upright][:, soles] @ up)
-    offset = -float(lowest.mean())
-    below = height_over_plane(points, up, offset) < -(_BELOW_M + _BELOW_SHARE * points[:, 2])
-    if float(lowest.max() - lowest.min()) > _APART_M or offset <= 0 or float(below.double().mean()) > _MAX_BELOW:
-        return None
-    return up, offset
 
 
 def wrong_floor(

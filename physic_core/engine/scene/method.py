@@ -27,8 +27,6 @@ class SceneSettings:
     """Points farther away are removed, metres."""
     floor: Literal["disparity", "off"] = "disparity"
     """"disparity" fits a plane in inverse depth. "off" finds no floor."""
-    floor_under_people: bool = True
-    """If no floor is found, fit one under the soles of people who stand or sit upright."""
     carve_m: NotNegative = 0.5
     """Largest distance by which inpainted scene points are moved behind a body that contains or should occlude them,
     metres; 0 moves none."""

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 _KNEES, _ANKLES, _SHOULDERS = joint_pair("knee"), joint_pair("ankle"), joint_pair("shoulder")
 _NO_FLOOR = "no floor was found"
-_ASSUMED_FLOOR = "the floor is only assumed at the people's feet"
 _NO_BODY = "there is no body, or no part of it to measure"
 _HIDDEN_LEG = "a leg is not visible"
 _ASSUMED_SUPPORT = "a support not visible in the scene is assumed to carry this person"
@@ -43,12 +42,12 @@ def _check_outputs(estimates: Estimates, solution: Solution, person: int) -> Ite
         f"no valid values for this person from {', '.join(missing)}: results that need them are skipped; "
         "try another backend",
     )
-    problem, floor = solution.people[person].get("placement_problem"), _floor_problem(solution)
+    problem, no_floor = solution.people[person].get("placement_problem"), _no_floor(solution)
     yield Measurement(
         "placed",
-        0.0 if problem else 1.0 if floor is None else None,
+        0.0 if problem else 1.0 if no_floor is None else None,
         str(problem),
-        unmeasured=f"{floor}: the position is by size and scene alone",
+        unmeasured=f"{no_floor}: the position is by size and scene alone",
     )
     failure = solution.failures[person]
     yield Measurement(
@@ -133,7 +132,7 @@ def _check_support(estimates: Estimates, solution: Solution, person: int) -> Ite
     # With an invisible leg or an assumed support, what carries the person is unknown.
     legs = _visible_legs(estimates, person)
     assumed = _ASSUMED_SUPPORT if report.get("assumed_support") else None
-    unknown = assumed or _floor_problem(solution) or (None if legs is None or legs == 2 else _HIDDEN_LEG)
+    unknown = assumed or _no_floor(solution) or (None if legs is None or legs == 2 else _HIDDEN_LEG)
     yield Measurement(
         "floating",
         report.get("support_gap_m") if unknown is None else None,
@@ -212,7 +211,7 @@ def _check_size(estimates: Estimates, solution: Solution, person: int) -> Iterat
 def _check_soles(solution: Solution, person: int, unknown: str | None) -> Measurement:
     """Compare the lower sole with the floor: people who stand touch it, and no person is below it."""
     joints, height = solution.joints[person], solution.people[person].get("sole_height_m")
-    floor = _floor_problem(solution)
+    floor = _no_floor(solution)
     if floor is None and height is not None and height > 0:
         # Only the feet of people who stand and whose legs are visible must be on the floor.
         floor = unknown or (None if standing_legs(joints).all() else "this person does not stand straight")
@@ -262,12 +261,9 @@ def _check_bend(solution: Solution, person: int) -> Measurement:
     )
 
 
-def _floor_problem(solution: Solution) -> str | None:
+def _no_floor(solution: Solution) -> str | None:
     """Return why heights over the floor cannot be measured, or None if they can."""
-    if solution.scene.floor is None:
-        return _NO_FLOOR
-    found = solution.diagnostics["scene"]["floor"]["reason"] == "found"
-    return None if found else _ASSUMED_FLOOR
+    return _NO_FLOOR if solution.scene.floor is None else None
 
 
 def _visible_legs(estimates: Estimates, person: int) -> int | None:

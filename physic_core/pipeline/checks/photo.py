@@ -73,15 +73,12 @@ def check_photo(estimates: Estimates, solution: Solution, settings: EngineSettin
 
 def _check_floor(report: Mapping[str, Any], settings: EngineSettings) -> Iterator[Measurement]:
     reason = report["reason"]
-    instead = "people are not constrained to the ground, and heights are unknown"
-    if report.get("source") == "people":
-        instead = "it is assumed at the people's feet, and its height is only as accurate as their pose"
     share = report["inlier_share"] if reason == "found" else 0.0
     yield Measurement(
         "floor",
         None if reason == "switched_off" else share,
-        f"no floor was found: {_NO_FLOOR.get(reason, reason)}; {instead}: "
-        "use a photo that shows the ground at the feet",
+        f"no floor was found: {_NO_FLOOR.get(reason, reason)}; people are not constrained to the ground, "
+        "and heights are unknown: use a photo that shows the ground at the feet",
         unmeasured="the engine settings disable the floor search",
         failed=reason != "found",
         threshold=settings.scene.min_floor_share,

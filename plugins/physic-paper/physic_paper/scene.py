@@ -35,7 +35,6 @@ class PaperScene(SceneMethod):
     floor: Literal["metric", "off"] = "metric"  # type: ignore[assignment]  # its own search
     """"metric" is the paper's RANSAC on the points of the floor mask, with its grid of floor points. "off" finds no
     floor."""
-    floor_under_people: bool = False
     carve_m: NotNegative = 0.0
 
     alignment: ClassVar[AlignmentOptions] = released_alignment_options(METRIC_DEPTH_TOLERANCE)
@@ -86,7 +85,6 @@ class ProxScene(SceneMethod):
     """Stage 1 as in the paper's comparison with PROX: the metric depth alone, without a floor."""
 
     floor: Literal["disparity", "off"] = "off"
-    floor_under_people: bool = False
     carve_m: NotNegative = 0.0
 
     uses_pointmap: ClassVar[bool] = False

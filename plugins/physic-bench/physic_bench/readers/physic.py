@@ -54,13 +54,11 @@ def prediction_of(result: Reconstruction, frame: Frame) -> Prediction:
     topology = {"embedded": "physic-embedded-1"}.get(result.body_model, result.body_model)
     people = [_person(person, topology, result, factor) for person in result.people]
     floor = result.scene.floor
-    refused = any(check.name == "floor" and check.failed for check in result.checks)
     return Prediction(
         tuple(person for person in people if person.joints is not None),
         K=result.intrinsics.resized(width, height).matrix,
         scene_points=result.scene.points[result.scene.valid].astype(np.float64),
-        # A floor that the result itself reports as assumed was not measured.
-        floor=None if floor is None or refused else np.array([*floor.normal, floor.offset], np.float64),
+        floor=None if floor is None else np.array([*floor.normal, floor.offset], np.float64),
     )
 
 

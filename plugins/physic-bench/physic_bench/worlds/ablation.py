@@ -61,7 +61,7 @@ _PENETRATION: Overrides = {
 _DEPTH: Overrides = {"placement": {"chamfer_weight": 0.0}, "joint": {"depth": {"weight": 0.0}}}
 _OCCLUSION: Overrides = {"joint": {"visibility": {"occlusion_aware": False}}}
 _FLOOR: Overrides = {
-    "scene": {"floor": "off", "floor_under_people": False},
+    "scene": {"floor": "off"},
     "placement": {"floor_weight": 0.0},
 }
 
