@@ -9,7 +9,6 @@ from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.body.model import BodyModel
-from physic_core.geometry.visibility import inside_mask
 from physic_core.types.skeletons import SIDES, Skeleton, is_finger
 
 _END_JOINT = {
@@ -32,32 +31,6 @@ _MIN_HOLD_PROBABILITY = 0.75  # of the contact prior, mean of a hand that holds 
 def limb_part_indices(part_names: Sequence[str]) -> list[int]:
     """Return the indices of the parts of arms, hands, legs and feet."""
     return [i for i, name in enumerate(part_names) if name.startswith(("left_", "right_"))]
-
-
-def detected_joints(
-    skeleton: Skeleton, keypoints: Tensor, confidence: Tensor, masks: Tensor, min_confidence: float
-) -> Tensor:
-    """Return the joints (B, 55) bool that have a confident keypoint inside the person's mask.
-
-    Keypoints of toes count for the ankle, those of fingers for the wrist.
-
-    Args:
-        skeleton: of the J keypoints.
-        keypoints: (B, J, 2) px.
-        confidence: (B, J).
-        masks: (B, H, W) bool.
-        min_confidence: smallest confidence that counts; with 1 no joint is returned.
-    """
-    detected = torch.zeros(len(keypoints), len(JOINT_INDEX), dtype=torch.bool, device=keypoints.device)
-    if min_confidence >= 1:
-        return detected
-    finite = torch.isfinite(keypoints).all(-1) & torch.isfinite(confidence)
-    confident = finite & (confidence >= min_confidence) & inside_mask(torch.nan_to_num(keypoints), masks)
-    for j, name in enumerate(skeleton.names):
-        joint = _joint_of(name)
-        if joint is not None:
-            detected[:, JOINT_INDEX[joint]] |= confident[:, j]
-    return detected
 
 
 def observed_parts(part_names: Sequence[str], observed: Tensor) -> Tensor:

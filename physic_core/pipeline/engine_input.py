@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import torch
 
+from physic_core.body.joints import NUM_JOINTS
 from physic_core.body.landmarks import keypoints_on_body
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.engine.contact.problem import ContactInput
@@ -91,12 +92,14 @@ def engine_input(estimates: Estimates, model: BodyModel) -> EngineInput:
         )
     )
     rotations = rotations_from_parameters(parameters, model.device, model.dtype)
+    if observed is None:
+        observed = torch.ones(len(masks), NUM_JOINTS, dtype=torch.bool)
     floor = floor_evidence(people.floor, estimates.hole, estimates.keypoints)
     return EngineInput(
         scene=SceneInput(points, valid, estimates.scene.unknown, depth, _cameras(estimates), floor),
         photo=PhotoPoints(photo, photo_valid, original.unknown, people=hole),
         bodies=EstimatedBodies(model, rotations, betas, expression, transl),
-        detections=ObservedPeople(on_body.joint_set, keypoints, confidence, observed, masks),
+        detections=ObservedPeople(on_body.joint_set, keypoints, confidence, observed.to(model.device), masks),
         contact_probability=contact_probability,
         surfaces=None if surfaces is None else surfaces.long(),
         surface_names=("unknown",) if labels is None else labels.names,
@@ -194,7 +197,7 @@ def joint_problem(
         scene_points=points,
         scene_normals=normals,
         contact_probability=given.contact_probability,
-        observed=placed.observed,
+        observed=given.detections.observed,
         scene_depth=scene.depth,
         floor_normal=scene.floor_normal,
         floor_offset=scene.floor_offset,
@@ -202,7 +205,6 @@ def joint_problem(
         human_depth=photo.depth if agrees else None,
         human_points=photo.people if agrees else None,
         scale_sigma=scale_sigma,
-        grounded=placed.placement.grounded,
         lifted_feet=placed.lifted_feet,
         foot_touch=placed.foot_touch,
         estimated_transl=bodies.transl,
@@ -268,7 +270,7 @@ def _foot_gaps(problem: JointProblem) -> Tensor | None:
         skeleton=problem.skeleton,
         keypoints=problem.keypoints,
         confidence=problem.keypoint_confidence,
-        observed=None,
+        observed=problem.observed,
         masks=problem.masks,
     )
     return depth_gaps_at_feet(shown, photo.cpu(), scene.cpu(), torch.zeros_like(photo, dtype=torch.bool, device="cpu"))

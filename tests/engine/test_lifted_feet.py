@@ -59,7 +59,7 @@ def gap_of(stage, raised=None):
     photo = torch.where(problem.human_depth.isnan(), scene, problem.human_depth)
     raised = torch.zeros_like(problem.masks[0]) if raised is None else raised
     confidence = problem.keypoint_confidence
-    found = ObservedPeople(skeleton, problem.keypoints, confidence, None, problem.masks)
+    found = ObservedPeople(skeleton, problem.keypoints, confidence, problem.observed, problem.masks)
     return depth_gaps_at_feet(found, photo, scene, raised)
 
 

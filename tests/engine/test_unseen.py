@@ -1,4 +1,4 @@
-"""What photos do not show, and what they show though an estimator says otherwise."""
+"""What photos do not show."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.terms import reprojection
 from physic_core.engine.joint.terms.surface import SurfaceTerms
-from physic_core.engine.limbs import detected_joints, keypoints_of_observed_limbs
+from physic_core.engine.limbs import keypoints_of_observed_limbs
 from physic_core.geometry.rotations import rotvec_to_rotmat
 from physic_core.types import SKELETONS
 
@@ -27,29 +27,6 @@ NAMES = SKELETONS["blazepose33"].names
 @pytest.fixture(scope="module")
 def standing(make_stage):
     return make_stage([({}, (0.0, 0.0, 3.5))])
-
-
-def confirmed(name, confidence=0.9, at=(10.0, 20.0), least=0.7, skeleton=SKELETONS["blazepose33"]):
-    """Names of the joints that one keypoint confirms; the person's mask covers columns below 50."""
-    keypoints = torch.full((1, len(NAMES), 2), 90.0)
-    sure = torch.zeros(1, len(NAMES))
-    keypoints[0, NAMES.index(name)] = torch.tensor(at)
-    sure[0, NAMES.index(name)] = confidence
-    masks = torch.zeros(1, 100, 100, dtype=torch.bool)
-    masks[..., :50] = True
-    found = detected_joints(skeleton, keypoints, sure, masks, least)[0]
-    return {joint for joint, i in JOINT_INDEX.items() if found[i]}
-
-
-def test_a_sure_keypoint_on_the_mask_shows_its_joint():
-    assert confirmed("left_knee") == {"left_knee"}
-
-
-@pytest.mark.parametrize(
-    "doubt", [{"confidence": 0.69}, {"at": (60.0, 20.0)}, {"at": (float("nan"), 1.0)}, {"least": 1.0}]
-)
-def test_a_doubtful_keypoint_shows_nothing(doubt):
-    assert confirmed("left_knee", **doubt) == set()
 
 
 def test_usual_contact_parts_count_without_a_prior(standing):

@@ -87,7 +87,6 @@ class JointProblem(ShortRepr):
         human_depth: (H, W) metres along z of the original photo, aligned to the scene, NaN where unknown; or None.
         human_points: per person (M_i, 3) metres, aligned to the scene; or None.
         scale_sigma: standard deviation of log(scale) given with the metric depth, or None.
-        grounded: (B,) bool, people who may stand on the floor, not on or in an object; None means all people.
         lifted_feet: (B, 2) bool, left and right feet in the air, which touch nothing; None means no feet.
         foot_touch: (B, 2) probability from the image that the left and right foot touch something, which weights their
             attraction to the ground; None means 1.
@@ -119,7 +118,6 @@ class JointProblem(ShortRepr):
     human_depth: Tensor | None = field(default=None, metadata=_shape("H W"))
     human_points: tuple[Tensor, ...] | None = None
     scale_sigma: float | None = None
-    grounded: Tensor | None = field(default=None, metadata=_shape("B"))
     lifted_feet: Tensor | None = field(default=None, metadata=_shape("B 2"))
     foot_touch: Tensor | None = field(default=None, metadata=_shape("B 2"))
     estimated_transl: Tensor | None = field(default=None, metadata=_shape("B 3"))

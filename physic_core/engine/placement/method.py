@@ -7,9 +7,8 @@ The default minimises for each person, by Gauss-Newton steps with nearest points
     + floor_weight rho(h(t)^2) + offset cost (g / sigma)^2
 
 over the translation t and the depth offset g. g is free if the person's feet are visible and there is a floor.
-Monocular depth places people farther away than the floor under their feet, so without g the body leaves the floor. If
-both feet without g are well above the floor, the person is on furniture or steps, and g is 0. Means and relative sizes
-make all terms independent of the resolution.
+Monocular depth places people farther away than the floor under their feet, so without g the body leaves the floor.
+Means and relative sizes make all terms independent of the resolution.
 """
 
 from __future__ import annotations
@@ -50,7 +49,6 @@ FEWEST_POINTS = 50
 
 _MASK_GROWTH = 0.01  # of the long image side: networks blur depth at the silhouette
 _FACING_DEG = 70.0  # between a vertex's normal and the direction to the camera
-_STAND_REACH_SHARE = 0.15  # upper limit of ``stand_reach_m`` as a share of the distance from the camera
 _ROUNDS = 2  # selections of camera-facing vertices
 _MOVED_M = 1e-3
 
@@ -63,13 +61,11 @@ class Fit:
         x: (4,).
         seen: (V,) bool, the camera-facing vertices of Eq. 4.
         chamfer_m: median distance before and after; None with too few points or vertices.
-        grounded: False for a person on furniture or steps.
     """
 
     x: Tensor
     seen: Tensor
     chamfer_m: tuple[float, float] | None = None
-    grounded: bool = True
 
     @property
     def pairs(self) -> Tensor | None:
@@ -175,8 +171,7 @@ class PlacementMethod(PlacementSettings):
         before = chamfer.median(x)
         enough = len(person.keypoints) >= FEWEST_KEYPOINTS
         others: list[PlacementTerm] = [self.reprojection_term(person)] if enough else []
-        grounded = not self._is_on_furniture(person, x, [chamfer, *others])
-        offset = grounded and self.has_offset(person)
+        offset = self.has_offset(person)
         if offset:
             others.insert(0, PlacementFloorTerm(person, self))
         for _ in range(_ROUNDS):
@@ -186,7 +181,7 @@ class PlacementMethod(PlacementSettings):
             if float((x - last).abs().max()) < _MOVED_M or int(again.sum()) < FEWEST_POINTS:
                 break
             seen, chamfer = again, self.chamfer_term(person, again)
-        return Fit(x, seen, (before, chamfer.median(x)), grounded)
+        return Fit(x, seen, (before, chamfer.median(x)))
 
     def finish(self, person: PlacementProblem, fit: Fit) -> Tensor:
         """Return the final x (4,)."""
@@ -209,14 +204,6 @@ class PlacementMethod(PlacementSettings):
                 terms["floor"] = PlacementFloorTerm(person, self)
         ends = {"start": torch.zeros_like(fit.x), "end": fit.x}
         return {name: {end: term_energy(term, at) for end, at in ends.items()} for name, term in terms.items()}
-
-    def _is_on_furniture(self, person: PlacementProblem, x: Tensor, terms: list[PlacementTerm]) -> bool:
-        """Return whether a fit without depth offset has both feet well above the floor."""
-        if not self.stand_reach_m or not self.has_offset(person):
-            return False
-        fixed = gauss_newton(terms, x, TRANSLATION)
-        away = float((person.vertices[:, 2] + fixed[2]).median())
-        return float(person.foot_height(fixed)) > min(self.stand_reach_m, _STAND_REACH_SHARE * away)
 
 
 def _subsample(points: Tensor, max_points: int) -> Tensor:

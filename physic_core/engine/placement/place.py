@@ -69,14 +69,12 @@ class PersonPlacement(ShortRepr):
 
     Attributes:
         move: (3,) metres, added to the estimated translation.
-        grounded: False for a person on furniture or steps.
         on_floor: whether the floor was used.
         keypoint_move: (3,) metres, translation by the keypoints alone (Eq. 2).
         diagnostics: see :class:`Placement`.
     """
 
     move: Tensor
-    grounded: bool
     on_floor: bool
     keypoint_move: Tensor
     diagnostics: Mapping[str, Any]
@@ -88,17 +86,15 @@ class Placement(ShortRepr):
 
     Attributes:
         transl: (B, 3) metres.
-        grounded: (B,) bool, False for a person with both feet well above the floor.
         diagnostics: one mapping per person: numbers of "keypoints", "facing_vertices" and "points" used;
             "reprojection_px" and "chamfer_m", medians at start and end; "losses", term of Eq. 3 -> its energy at
-            "start" and "end"; "moved_m"; "depth_offset"; "grounded"; "foot_height_m" over the floor (None without a
+            "start" and "end"; "moved_m"; "depth_offset"; "foot_height_m" over the floor (None without a
             floor, and for a person not on it); "problem", a message or None.
         keypoint_transl: (B, 3) metres, by the keypoints alone (Eq. 2).
         people: placement of each person.
     """
 
     transl: Tensor
-    grounded: Tensor
     diagnostics: tuple[Mapping[str, Any], ...]
     keypoint_transl: Tensor
     people: tuple[PersonPlacement, ...] = ()
@@ -130,10 +126,9 @@ def place_bodies(
     )
     transl = bodies.transl
     if not people:
-        return Placement(transl, torch.ones_like(transl[:, 0], dtype=torch.bool), (), transl)
+        return Placement(transl, (), transl)
     return Placement(
         transl=transl + torch.stack([p.move for p in people]).to(transl),
-        grounded=torch.tensor([p.grounded for p in people], device=transl.device),
         diagnostics=tuple(p.diagnostics for p in people),
         keypoint_transl=transl + torch.stack([p.keypoint_move for p in people]).to(transl),
         people=people,
@@ -181,7 +176,6 @@ def _on_cpu(x: Tensor) -> Tensor:
 
 def _place_person(person: PlacementProblem, method: PlacementMethod) -> PersonPlacement:
     start = torch.zeros(4, dtype=torch.float64)
-    on_floor = person.on_floor
     fit, by_keypoints = Fit(start, torch.zeros(len(person.vertices), dtype=torch.bool)), start
     if not bool(torch.isfinite(person.vertices).all()):
         problem: str | None = "the body has non-finite vertices: its translation was not changed"
@@ -201,8 +195,6 @@ def _place_person(person: PlacementProblem, method: PlacementMethod) -> PersonPl
         fit = replace(fit, x=by_keypoints)
         if method.chamfer_weight > 0:
             fit = method.fit_points(person, by_keypoints)
-            if not fit.grounded:
-                person = person._replace(soles=person.soles[:0])
             if fit.chamfer_m is None and problem is None:
                 problem = (
                     f"{len(person.points)} points and {int(fit.seen.sum())} camera-facing vertices of the person, "
@@ -214,8 +206,7 @@ def _place_person(person: PlacementProblem, method: PlacementMethod) -> PersonPl
             problem = "the fit has no translation in front of the camera: the translation was not changed"
     return PersonPlacement(
         move=fit.x[:-1],
-        grounded=fit.grounded,
-        on_floor=on_floor,
+        on_floor=person.on_floor,
         keypoint_move=by_keypoints[:-1],
         diagnostics=_diagnostics(person, fit, problem, method),
     )
@@ -244,7 +235,6 @@ def _diagnostics(person: PlacementProblem, fit: Fit, problem: str | None, method
         "moved_m": float(torch.linalg.vector_norm(x[:-1])),
         "depth_offset": math.exp(float(x[-1])),
         "foot_height_m": float(person.foot_height(x)) if person.on_floor else None,
-        "grounded": fit.grounded,
         "problem": problem,
     }
 

@@ -17,9 +17,6 @@ class PlacementSettings:
     """Lambda_d of Eq. 3; 0 stops after Eq. 2."""
     min_confidence: Share = 0.3
     """Keypoints of lower confidence are ignored."""
-    seen_confidence: Share = 0.7
-    """A joint is observed if its keypoint has this confidence and lies on the person's mask, or if the body estimator
-    reports it; 1 uses only the estimator's report."""
     robust_px_share: PositiveOrInfinite = 0.05
     """Scale of the robust reprojection error, as a share of the person's size in the image; "inf" is least squares."""
     robust_m: PositiveOrInfinite = 0.15
@@ -32,9 +29,6 @@ class PlacementSettings:
     scene."""
     floor_weight: NotNegative = 1.0
     """Weight of the distance of the lower foot to the floor, for visible feet on a known floor; 0 disables it."""
-    stand_reach_m: NotNegative = 0.45
-    """A person whose lower foot, without depth offset, is higher than this above the floor is on furniture and not on
-    the floor; 0 disables the test."""
     detect_lifted_feet: bool = True
     """Feet with a depth gap behind them are in the air (:mod:`physic_core.engine.placement.lifted_feet`), in photos
     whose segmenter labels surfaces."""

@@ -18,7 +18,7 @@ from physic_core.body.joints import joint_pair
 from physic_core.body.model import BodyModel, BodyOutput
 from physic_core.body.posture import standing_legs
 from physic_core.engine.limbs import hands_may_hold
-from physic_core.engine.placement.detections import ObservedPeople, reported_joints
+from physic_core.engine.placement.detections import ObservedPeople
 from physic_core.engine.placement.human_points import AlignedPhoto, PhotoPoints, align_photo
 from physic_core.engine.placement.lifted_feet import depth_gaps_at_feet, find_lifted_feet
 from physic_core.engine.placement.method import PlacementMethod
@@ -87,8 +87,7 @@ class PlacedPeople(ShortRepr):
         scene: that of the input, without its floor if it contradicts the people.
         photo: its point map, aligned to the scene.
         bodies: as estimated, or resized to a scene of known size.
-        placement: of the bodies; people with both feet in the air are not grounded.
-        observed: (B, 55) bool, visible joints.
+        placement: of the bodies.
         lifted_feet: (B, 2) bool, left and right feet in the air; None if unknown.
         foot_touch: (B, 2) probability from the image that the left and the right foot touch something; None if not
             requested.
@@ -101,7 +100,6 @@ class PlacedPeople(ShortRepr):
     photo: AlignedPhoto
     bodies: EstimatedBodies
     placement: Placement
-    observed: Tensor
     lifted_feet: Tensor | None
     foot_touch: Tensor | None
     size_ratio: Tensor | None
@@ -124,8 +122,7 @@ def solve_placement(given: PlacementInput, method: PlacementMethod) -> PlacedPeo
         if given.standing is not None:
             lifted |= (given.standing < -method.lifted_sigmas)[:, None]
         airborne = lifted.all(1)
-    observed = reported_joints(detections, method.seen_confidence)
-    feet_seen = observed[:, _ANKLES].any(1) & ~airborne.to(observed.device)
+    feet_seen = detections.observed[:, _ANKLES].any(1) & ~airborne.to(detections.observed.device)
     evidence = _observations(detections, photo, feet_seen, method)
     placed = place_bodies(posed, evidence, scene.K, scene.floor_plane, method)
     vertices = posed.vertices + (placed.transl - posed.transl)[:, None]
@@ -134,12 +131,11 @@ def solve_placement(given: PlacementInput, method: PlacementMethod) -> PlacedPeo
         scene = without_floor(scene, rejected)
         kept = [None if person.on_floor else person for person in placed.people]
         placed = place_bodies(posed, evidence, scene.K, None, method, kept)
-    placed = replace(placed, grounded=placed.grounded & ~airborne.to(placed.grounded.device))
     touch = None
     if method.feet_by_picture:
         names = detections.skeleton.names
         touch = torch.from_numpy(foot_touch_probability(detections.keypoints.cpu().numpy(), names))
-    return PlacedPeople(scene, photo, bodies, placed, observed, lifted, touch, ratio, rejected)
+    return PlacedPeople(scene, photo, bodies, placed, lifted, touch, ratio, rejected)
 
 
 def _pose(
@@ -190,17 +186,17 @@ def _size_by_scene(given: PlacementInput, scene: SceneState, method: PlacementMe
     """Return :func:`size_by_scene` (B,) of the bodies placed at their keypoints.
 
     Args:
-        scene: before applying known sizes, when bodies and scene roughly agree: it shows who stands on furniture.
+        scene: before applying known sizes, when bodies and scene roughly agree.
     """
     _, posed = _pose(given.bodies, given.detections, method)
     photo = align_photo(given.photo, scene, given.detections.masks, method)
-    feet_seen = reported_joints(given.detections, method.seen_confidence)[:, _ANKLES].any(1)
+    feet_seen = given.detections.observed[:, _ANKLES].any(1)
     evidence = _observations(given.detections, photo, feet_seen, method)
     placed = place_bodies(posed, evidence, scene.K, scene.floor_plane, method)
     from physic_core.engine.sizes.people_in_scene import size_by_scene
 
     vertices = posed.vertices + (placed.keypoint_transl.to(posed.transl) - posed.transl)[:, None]
-    on_floor = [person.on_floor and person.grounded for person in placed.people]
+    on_floor = [person.on_floor for person in placed.people]
     return size_by_scene(vertices, given.bodies.model.soles, on_floor, scene.floor_plane, photo.people)
 
 

@@ -40,7 +40,6 @@ class PaperPlacement(PlacementMethod):
 
     reprojection_weight: NotNegative = 5000.0
     min_confidence: Share = 0.5
-    seen_confidence: Share = 1.0
     robust_px_share: PositiveOrInfinite = math.inf
     robust_m: PositiveOrInfinite = math.inf
     max_points: PointCount = 3000
@@ -48,9 +47,6 @@ class PaperPlacement(PlacementMethod):
     """Not used."""
     floor_weight: NotNegative = 0.0
     """Not used."""
-    stand_reach_m: NotNegative = 0.0
-    """Not used."""
-
     detect_lifted_feet: bool = False
     feet_by_picture: bool = False
 

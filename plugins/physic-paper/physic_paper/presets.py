@@ -35,11 +35,9 @@ RELEASE = EngineSettings(
 PROX = EngineSettings(
     scene=ProxScene(),
     placement=PlacementMethod(
-        seen_confidence=1.0,
         chamfer_weight=0.0,
         depth_offset_sigma=0.0,
         floor_weight=0.0,
-        stand_reach_m=0.0,
         detect_lifted_feet=False,
     ),
     joint=ProxOptimisation(),

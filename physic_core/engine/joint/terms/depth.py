@@ -90,7 +90,9 @@ def depth_offset_sigmas(settings: DepthSettings, context: JointContext) -> Tenso
     alone = torch.full_like(problem.transl0[:, 2], settings.offset_alone_sigma)
     if problem.floor_normal is None:
         return alone
-    on_floor = feet_visible.any(1) if problem.grounded is None else feet_visible.any(1) & problem.grounded
+    on_floor = feet_visible.any(1)
+    if problem.lifted_feet is not None:
+        on_floor = on_floor & ~problem.lifted_feet.all(1)
     return torch.where(on_floor, settings.offset_sigma, alone)
 
 

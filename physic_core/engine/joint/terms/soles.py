@@ -79,8 +79,6 @@ class SoleTerm:
         likely = torch.stack([context.is_contact[:, rows].any(1) for rows in context.soles], 1)
         lower = torch.where(on_floor, lowest, torch.full_like(lowest, torch.inf)).amin(1)
         pulled = (on_floor & likely).any(1) & (lower.abs() < _MAX_LOWER_HEIGHT_M)
-        if context.problem.grounded is not None:
-            pulled = pulled & context.problem.grounded
         unseen = ~context.feet_visible & (lowest.abs() < _MAX_UNSEEN_SIGMAS * _UNSEEN_SIGMA_M)
         dtype = context.area.dtype
         touch, either = torch.ones_like(lowest), torch.ones_like(lowest[:, 0])
