@@ -85,7 +85,7 @@ def test_keypoints_outside_the_image_count_nothing(standing):
     confidence[0, 2] = 0.2
     energy = JointEnergy(replace(standing.problem, keypoints=keypoints, keypoint_confidence=confidence), SETTINGS)
     weight = energy.context.keypoints.weight[0]
-    assert weight[:4].tolist() == pytest.approx([0, 0, 0.02, 1])
+    assert weight[:4].tolist() == pytest.approx([0, 0, 0, 1])
 
 
 def test_self_occlusion_is_found_again_after_a_motion_of_a_centimetre(standing):

@@ -61,12 +61,11 @@ class JointMethod(ABC):
         return (sides / sides.amax().clamp(min=1)).clamp(min=_LEAST_SIZE)
 
     @abstractmethod
-    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor) -> WeightedKeypoints:
+    def weigh_keypoints(self, problem: JointProblem) -> WeightedKeypoints:
         """Return the keypoints and their weights.
 
         Args:
             problem: from :meth:`prepare`, with finite people only.
-            person_px: (B,) stature in px.
         """
 
     def weigh_vertices(self, area_m2: Tensor) -> Tensor:

@@ -37,7 +37,6 @@ def precompute(problem: JointProblem, method: JointMethod) -> JointContext:
     is_contact = probability >= _CONTACT_PROBABILITY
     area = vertex_areas(start.vertices, model.faces)
     ids, area = subsample_vertices(model, is_contact.any(0), method.visibility.vertex_spacing_m, area)
-    person_px = _person_px(problem, start.joints[:, 0])
     depth = problem.human_depth
     faces, around = faces_around_vertices(model.faces, model.faces_of_vertices[ids])
     context = JointContext(
@@ -54,8 +53,8 @@ def precompute(problem: JointProblem, method: JointMethod) -> JointContext:
         is_contact=is_contact[:, ids],
         on_visible_part=observed_parts(model.part_names, observed)[:, model.part_of_vertex[ids]],
         soles=_sole_rows(model, ids),
-        keypoints=method.weigh_keypoints(problem, person_px),
-        person_px=person_px,
+        keypoints=method.weigh_keypoints(problem),
+        person_px=_person_px(problem, start.joints[:, 0]),
         start=start,
         relative=root_relative(start.vertices[:, ids], start.joints[:, 0], problem.rotations0[:, 0]),
         feet_visible=observed[:, _ANKLES] & inside_image(project(start.joints[:, _ANKLES], problem.K), height, width),
@@ -68,9 +67,14 @@ def precompute(problem: JointProblem, method: JointMethod) -> JointContext:
 def _context_of_view(context: JointContext, view: OtherView, method: JointMethod) -> JointContext:
     """Return the constants with the camera and the detections of another view."""
     problem = context.problem.seen_by(view)
-    person_px = _person_px(problem, view.to_camera(context.start.joints[:, 0]))
-    keypoints = method.weigh_keypoints(problem, person_px)
-    return replace(context, problem=problem, keypoints=keypoints, person_px=person_px, log_depth=None, fronts=None)
+    return replace(
+        context,
+        problem=problem,
+        keypoints=method.weigh_keypoints(problem),
+        person_px=_person_px(problem, view.to_camera(context.start.joints[:, 0])),
+        log_depth=None,
+        fronts=None,
+    )
 
 
 def _person_px(problem: JointProblem, pelvis: Tensor) -> Tensor:

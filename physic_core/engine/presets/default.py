@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import torch
-from torch import Tensor
 
 from physic_core.engine.joint.context import JointContext, WeightedKeypoints, with_static_contacts
 from physic_core.engine.joint.method import JointMethod
@@ -75,9 +74,9 @@ class DefaultOptimisation(JointMethod):
         problem = super().prepare(problem)
         return with_static_contacts(problem) if self.contact.source == "static" else problem
 
-    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor) -> WeightedKeypoints:
-        """Return the keypoints with weights from confidence, reduced for low confidence and for invisible limbs."""
-        return weighted_keypoints(problem, person_px, self.reprojection)
+    def weigh_keypoints(self, problem: JointProblem) -> WeightedKeypoints:
+        """Return the keypoints, weighted by confidence, with less weight on invisible limbs."""
+        return weighted_keypoints(problem, self.reprojection)
 
     def initial_state(self, context: JointContext) -> State:
         """Return whitened parameters, with a depth offset for each person."""

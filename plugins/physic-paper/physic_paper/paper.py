@@ -127,7 +127,7 @@ class PaperOptimisation(PublishedOptimisation):
         problem = context.problem
         return GridSearch(problem.scene_points, problem.scene_normals, context.search_radius_m)
 
-    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor) -> WeightedKeypoints:
+    def weigh_keypoints(self, problem: JointProblem) -> WeightedKeypoints:
         """Return the keypoints with weights from confidence; a low confidence gives weight 0."""
         found = confident_keypoints(problem, _MIN_CONFIDENCE)
         if self.reprojection.reduction == "sum":

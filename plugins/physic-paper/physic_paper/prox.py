@@ -17,8 +17,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
-from torch import Tensor
-
 from physic_core.engine.joint.context import JointContext, WeightedKeypoints, with_static_contacts
 from physic_core.engine.joint.optimiser import LbfgsSettings, OptimiserSettings
 from physic_core.engine.joint.problem import JointProblem
@@ -98,7 +96,7 @@ class ProxOptimisation(PublishedOptimisation):
         """Return the problem with all limbs visible, without a floor, and with static contacts."""
         return with_static_contacts(super().prepare(replace(problem, floor_normal=None)))
 
-    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor) -> WeightedKeypoints:
+    def weigh_keypoints(self, problem: JointProblem) -> WeightedKeypoints:
         """Return the keypoints, weighted by squared confidence."""
         return confident_keypoints(problem, power=2.0)
 

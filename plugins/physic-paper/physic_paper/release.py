@@ -79,7 +79,7 @@ class ReleaseOptimisation(PaperOptimisation):
         masks = problem.masks.any(0, keepdim=True).expand_as(problem.masks)
         return replace(super().prepare(problem), masks=masks, human_points=human_points_of(problem))
 
-    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor) -> WeightedKeypoints:
+    def weigh_keypoints(self, problem: JointProblem) -> WeightedKeypoints:
         """Return the keypoints with the keypoint weights of the released code."""
         return released_keypoints(problem)
 

@@ -18,7 +18,6 @@ from physic_core.geometry.visibility import inside_image
 from physic_core.types.bounds import NotNegative, Positive, Share
 
 _INVISIBLE_WEIGHT = 0.4  # of keypoints on invisible limbs, which detectors extrapolate from the visible ones
-_BORDER_SHARE = 0.05  # of the stature in px; some detectors move keypoints outside the image to its border
 
 
 @dataclass(frozen=True)
@@ -32,9 +31,7 @@ class ReprojectionSettings:
     outlier_sigmas: Positive = 5.0
     """Beyond this many sigmas a keypoint counts as an outlier (Cauchy)."""
     min_confidence: Share = 0.3
-    """Keypoints of lower confidence are weighted by ``low_confidence_weight``."""
-    low_confidence_weight: NotNegative = 0.1
-    """0 drops them."""
+    """Keypoints of lower confidence are skipped."""
 
     def rho(self) -> RobustLoss:
         """Return the robust loss of reprojection errors: Cauchy with scale ``outlier_sigmas``."""
@@ -79,22 +76,17 @@ def finite_keypoints(problem: JointProblem) -> tuple[Tensor, Tensor]:
     return points, torch.where(finite, confidence, torch.zeros_like(confidence))
 
 
-def weighted_keypoints(problem: JointProblem, person_px: Tensor, settings: ReprojectionSettings) -> WeightedKeypoints:
-    """Return the keypoints with weights from confidence, reduced for low confidence and for limbs not visible in any
-    photo.
+def weighted_keypoints(problem: JointProblem, settings: ReprojectionSettings) -> WeightedKeypoints:
+    """Return the keypoints, weighted by confidence, with less weight on limbs that are not visible in any photo.
 
     Args:
         problem: with finite people only.
-        person_px: (B,) stature in px.
         settings: of the term.
     """
     points, confidence = finite_keypoints(problem)
-    height, width = problem.masks.shape[-2:]
     seen = keypoints_of_observed_limbs(problem.skeleton, problem.observed_anywhere)
-    weight = torch.where(confidence < settings.min_confidence, settings.low_confidence_weight * confidence, confidence)
-    from_border = torch.minimum(points, points.new_tensor([width, height]) - points).amin(-1)
-    off_border = from_border > _BORDER_SHARE * person_px[:, None]
-    weight = torch.where(seen, weight, _INVISIBLE_WEIGHT * confidence * off_border)
+    weight = torch.where(confidence < settings.min_confidence, 0.0, confidence)
+    weight = torch.where(seen, weight, _INVISIBLE_WEIGHT * confidence)
     weight = weights_inside_image(problem, points, weight)
     return WeightedKeypoints(points, weight, seen & (weight >= settings.min_confidence))
 
