@@ -22,7 +22,7 @@ from physic_core.engine.placement.human_points import (
 )
 from physic_core.engine.placement.place import PeopleObservations, PlacedBodies, Placement, place_bodies
 from physic_core.engine.placement.solvers import closed_form_translation, gauss_newton
-from physic_core.engine.placement.terms import PlacementFloorTerm, PlacementProblem, Residuals
+from physic_core.engine.placement.terms import PlacementProblem, Residuals
 from physic_core.geometry.alignment import Alignment
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays, project
 from physic_paper import outliers, translation
@@ -272,7 +272,7 @@ def test_slopes_are_the_derivatives_of_the_errors(kind: str) -> None:
     term = {
         "reprojection": lambda: DEFAULT.reprojection_term(person),
         "chamfer": lambda: DEFAULT.chamfer_term(person, person.vertices[:, 2] < START[0, 2] - 0.02),
-        "standing": lambda: PlacementFloorTerm(person, DEFAULT),
+        "standing": lambda: DEFAULT.floor_term(person),
     }[kind]()
     x = torch.tensor([0.05, -0.1, 0.2, 0.07], dtype=torch.float64)
     step = 1e-7  # small enough that no nearest point changes

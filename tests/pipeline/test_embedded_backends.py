@@ -9,7 +9,7 @@ import pytest
 
 from physic_core import Reconstruction, reconstruct
 from physic_core.body import load_body
-from physic_core.engine.contact.method import ContactSettings
+from physic_core.engine.contact.method import ContactMethod
 from physic_core.io.photo import read_photo
 from tools.consistency import consistency
 
@@ -58,5 +58,5 @@ def test_his_soles_touch_and_his_head_does_not(result: Reconstruction) -> None:
     legs = [i for i, name in enumerate(model.part_names) if name.endswith(("lower_leg", "foot"))]
     unseen = np.isin(model.part_of_vertex.numpy(), legs)
     person = result.people[cut]
-    least = ContactSettings().threshold - 1e-3  # float16
+    least = ContactMethod().threshold - 1e-3  # float16
     assert (person.contact_probability[unseen & person.contact] >= least).all()

@@ -12,33 +12,13 @@ from torch import Tensor
 from physic_core.engine.contact.distance import ContactSurfaces, distance_along_normal, nearby_surfaces
 from physic_core.engine.contact.features import KINDS, Distances, feature_columns
 from physic_core.engine.contact.parts import LEAST_PROBABILITY, scene_parts_of_body, weigh_parts
-from physic_core.engine.contact.probability import ContactModel, contact_model
+from physic_core.engine.contact.probability import contact_model
 from physic_core.geometry.free_space import front_depth, in_free_space
 from physic_core.types.bounds import Share
 
 if TYPE_CHECKING:
     from physic_core.engine.contact.problem import ContactInput
     from physic_core.engine.joint.problem import JointProblem
-
-
-@dataclass(frozen=True)
-class ContactSettings:
-    """Settings of stage 4: what each vertex touches, and what supports each person."""
-
-    threshold: Share = 0.35
-    """Minimum probability of a vertex in contact. 0.35 has the best F1 on held-out worlds, both for visible and for
-    invisible limbs."""
-    skin_threshold: Share = 0.16
-    """The same for contact with other people and with the person's own body, which is less certain. 0.16 has an F1 of
-    .21 there, and 0.12 one of .22, with half more vertices on body parts that touch no skin."""
-    people: bool = True
-    """Also contact with other people and with the person's own body."""
-    objects: bool = True
-    """Small objects in hands and on laps are not part of the scene, and people touch them
-    (:mod:`physic_core.engine.contact.objects`)."""
-    assume_supports: bool = True
-    """People without support in the scene touch a hidden support, such as a seat or what their hands hold
-    (:mod:`physic_core.engine.contact.support`)."""
 
 
 @dataclass(frozen=True)
@@ -62,8 +42,24 @@ class Touch:
         return Touch(torch.where(touches, rank.argmax(0), -1), probability)
 
 
-class ContactMethod(ContactSettings):
+@dataclass(frozen=True)
+class ContactMethod:
     """Stage 4 of preset "default": what each vertex touches, and what supports each person."""
+
+    threshold: Share = 0.35
+    """Minimum probability of a vertex in contact. 0.35 has the best F1 on held-out worlds, both for visible and for
+    invisible limbs."""
+    skin_threshold: Share = 0.16
+    """The same for contact with other people and with the person's own body, which is less certain. 0.16 has an F1 of
+    .21 there, and 0.12 one of .22, with half more vertices on body parts that touch no skin."""
+    people: bool = True
+    """Also contact with other people and with the person's own body."""
+    objects: bool = True
+    """Small objects in hands and on laps are not part of the scene, and people touch them
+    (:mod:`physic_core.engine.contact.objects`)."""
+    assume_supports: bool = True
+    """People without support in the scene touch a hidden support, such as a seat or what their hands hold
+    (:mod:`physic_core.engine.contact.support`)."""
 
     def surfaces(self, problem: JointProblem, vertices: Tensor, scale: float) -> ContactSurfaces:
         """Return what bodies (B, V, 3), metres, may touch: the scaled scene near them, and the plane of the floor."""
@@ -81,26 +77,21 @@ class ContactMethod(ContactSettings):
         return distance_along_normal(offsets, normals, distance)
 
     def touch(self, given: ContactInput, near: Distances) -> Touch:
-        """Return the contacts from the fitted probability."""
-        return touch_by_probability(given, near, contact_model(), self)
+        """Return the contacts of vertices whose fitted probability is at least the threshold.
 
-
-def touch_by_probability(given: ContactInput, near: Distances, model: ContactModel, settings: ContactSettings) -> Touch:
-    """Return the contacts of vertices whose probability is at least the threshold of the settings.
-
-    A vertex touches scene or floor only if its body part does.
-    """
-    probabilities = model.probabilities(feature_columns(given, near))
-    probabilities[0], parts = weigh_parts(given, probabilities[0])
-    apart = torch.zeros_like(given.prior, dtype=torch.bool)
-    for name, chosen in scene_parts_of_body(given.model).items():
-        apart |= (parts[name] < LEAST_PROBABILITY)[:, None] & chosen
-    in_reach = torch.isfinite(near.by_kind)
-    may_touch = given.model.outer & given.finite[:, None]
-    likely = torch.where(may_touch, 1 - (1 - probabilities).prod(0), 0.0)
-    rank = torch.where(in_reach, probabilities, -1.0)
-    skin = torch.where(in_reach, probabilities, 0.0)[1 : KINDS.index("object")].amax(0)
-    on_skin = (skin >= settings.skin_threshold) & (rank.argmax(0) > 0)
-    elsewhere = (rank.argmax(0) > 0) | ~apart
-    touches = ((likely >= settings.threshold) & in_reach.any(0) & elsewhere) | on_skin
-    return replace(Touch.of_rank(rank, touches & may_touch, likely), parts=parts)
+        A vertex touches scene or floor only if its body part does.
+        """
+        probabilities = contact_model().probabilities(feature_columns(given, near))
+        probabilities[0], parts = weigh_parts(given, probabilities[0])
+        apart = torch.zeros_like(given.prior, dtype=torch.bool)
+        for name, chosen in scene_parts_of_body(given.model).items():
+            apart |= (parts[name] < LEAST_PROBABILITY)[:, None] & chosen
+        in_reach = torch.isfinite(near.by_kind)
+        may_touch = given.model.outer & given.finite[:, None]
+        likely = torch.where(may_touch, 1 - (1 - probabilities).prod(0), 0.0)
+        rank = torch.where(in_reach, probabilities, -1.0)
+        skin = torch.where(in_reach, probabilities, 0.0)[1 : KINDS.index("object")].amax(0)
+        on_skin = (skin >= self.skin_threshold) & (rank.argmax(0) > 0)
+        elsewhere = (rank.argmax(0) > 0) | ~apart
+        touches = ((likely >= self.threshold) & in_reach.any(0) & elsewhere) | on_skin
+        return replace(Touch.of_rank(rank, touches & may_touch, likely), parts=parts)

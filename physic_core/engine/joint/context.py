@@ -9,13 +9,27 @@ from torch import Tensor
 
 from physic_core.body.model import BodyOutput, LandmarkModel
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.settings import VisibilitySettings
 from physic_core.geometry.plane import height_over_plane
+from physic_core.types.bounds import Degrees, NotNegative
 
 STATIC_CONTACT_PARTS = ("left_foot", "right_foot", "left_hand", "right_hand", "thighs", "gluteus", "back")
 """Parts of the body that usually touch the scene, after PROX."""
 
 _FLOOR_BAND_M = 0.05  # scene points nearer to the floor's plane belong to the floor
+
+
+@dataclass(frozen=True)
+class VisibilitySettings:
+    """Settings of the visibility of vertices."""
+
+    vertex_spacing_m: NotNegative = 0.02
+    """Vertices without contact are subsampled to this spacing, metres; 0 keeps all."""
+    facing_deg: Degrees = 70.0
+    """A vertex faces the camera if its normal is within this angle of the direction to the camera."""
+    mask_tolerance: NotNegative = 0.01
+    """Tolerance outside the mask for visible vertices, as a share of the person."""
+    occlusion_aware: bool = True
+    """Hidden vertices are excluded from penetration and regularised more."""
 
 
 @dataclass(frozen=True)

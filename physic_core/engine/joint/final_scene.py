@@ -9,14 +9,14 @@ from torch import Tensor
 
 from physic_core.engine.joint.problem import JointProblem, JointResult
 from physic_core.engine.scene.cleaning import edge_ratio
-from physic_core.engine.scene.method import SceneSettings
+from physic_core.engine.scene.method import SceneMethod
 from physic_core.engine.scene.solve import SceneState
 from physic_core.geometry.behind_bodies import move_behind_bodies
 from physic_core.geometry.pointmap import pointmap_normals
 
 
 def finalize_scene(
-    scene: SceneState, problem: JointProblem, result: JointResult, hole: Tensor, settings: SceneSettings
+    scene: SceneState, problem: JointProblem, result: JointResult, hole: Tensor, settings: SceneMethod
 ) -> tuple[SceneState, JointProblem]:
     """Return the scene after the joint optimisation, and the problem with the points and the depth of that scene.
 
@@ -40,7 +40,7 @@ def finalize_scene(
 
 
 def _carved(
-    scene: SceneState, bodies: Tensor, faces: Tensor, masks: Tensor, hole: Tensor, settings: SceneSettings
+    scene: SceneState, bodies: Tensor, faces: Tensor, masks: Tensor, hole: Tensor, settings: SceneMethod
 ) -> SceneState:
     """Move inpainted scene points out of the bodies (B, V, 3) that occluded them."""
     unseen = hole & scene.valid

@@ -11,10 +11,9 @@ from torch import Tensor
 
 from physic_core.body.model import BodyOutput
 from physic_core.engine.joint.contact_state import nearby_scene
-from physic_core.engine.joint.context import JointContext, WeightedKeypoints, select_surface
+from physic_core.engine.joint.context import JointContext, VisibilitySettings, WeightedKeypoints, select_surface
 from physic_core.engine.joint.optimiser import OptimiserSettings
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.settings import VisibilitySettings
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Term
 from physic_core.engine.joint.visibility import OcclusionTracker, Visibility, update_visibility

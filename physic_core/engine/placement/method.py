@@ -21,7 +21,6 @@ from torch import Tensor
 
 from physic_core.engine.limbs import placement_keypoints
 from physic_core.engine.placement.background import dilate_square, nearness_to_people
-from physic_core.engine.placement.settings import PlacementSettings
 from physic_core.engine.placement.solvers import TRANSLATION, closed_form_translation, gauss_newton, term_energy
 from physic_core.engine.placement.terms import (
     FEWEST_KEYPOINTS,
@@ -39,6 +38,7 @@ from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.pointmap import depth_edges, isolated_pixels
 from physic_core.geometry.visibility import facing_camera, inside_mask
 from physic_core.types import Skeleton
+from physic_core.types.bounds import NotNegative, PointCount, Positive, PositiveOrInfinite, Share
 
 POINTMAP_TOLERANCE = 0.15
 """Largest difference of the two point maps at an inlier, as a share of the depth. Below 0.1, the fit may follow only
@@ -49,6 +49,7 @@ FEWEST_POINTS = 50
 
 _MASK_GROWTH = 0.01  # of the long image side: networks blur depth at the silhouette
 _FACING_DEG = 70.0  # between a vertex's normal and the direction to the camera
+_OFFSET_COST_M = 0.05  # distance that costs as much as a depth offset of one sigma
 _ROUNDS = 2  # selections of camera-facing vertices
 _MOVED_M = 1e-3
 
@@ -73,12 +74,41 @@ class Fit:
         return None if self.chamfer_m is None else self.seen
 
 
-class PlacementMethod(PlacementSettings):
+@dataclass(frozen=True)
+class PlacementMethod:
     """Stage 2 of preset "default": human points in the scene, and body translation (paper Sec. 3.2, Eq. 2-4).
 
     Attributes:
         alignment: options of the alignment of the photo's point map to the scene.
     """
+
+    reprojection_weight: NotNegative = 1000.0
+    """Lambda_j2d of Eq. 3."""
+    chamfer_weight: NotNegative = 0.6
+    """Lambda_d of Eq. 3; 0 stops after Eq. 2."""
+    min_confidence: Share = 0.3
+    """Keypoints of lower confidence are ignored."""
+    robust_px_share: PositiveOrInfinite = 0.05
+    """Scale of the robust reprojection error, as a share of the person's size in the image; "inf" is least squares."""
+    robust_m: PositiveOrInfinite = 0.15
+    """Minimum scale of the robust Chamfer distance, metres; "inf" is least squares."""
+    max_points: PointCount = 1000
+    """Maximum number of a person's points, and of camera-facing vertices, in Eq. 4; its run time is proportional to
+    it."""
+    depth_offset_sigma: NotNegative = 0.2
+    """Prior of log(depth offset) of a person with visible feet on a known floor; 0 fixes the human points to the
+    scene."""
+    floor_weight: NotNegative = 1.0
+    """Weight of the distance of the lower foot to the floor, for visible feet on a known floor; 0 disables it."""
+    detect_lifted_feet: bool = True
+    """Feet with a depth gap behind them are in the air (:mod:`physic_core.engine.placement.lifted_feet`), in photos
+    whose segmenter labels surfaces."""
+    feet_by_picture: bool = True
+    """Feet are pulled to the floor in proportion to the image probability that they touch something
+    (:mod:`physic_core.body.feet_in_picture`)."""
+    lifted_sigmas: Positive = 3.0
+    """Both feet are in the air if a person is this many standard deviations from standing on the floor
+    (:func:`physic_core.engine.sizes.standing_scores`)."""
 
     alignment: ClassVar[AlignmentOptions] = AlignmentOptions(POINTMAP_TOLERANCE)
 
@@ -154,6 +184,11 @@ class PlacementMethod(PlacementSettings):
         weights = weight / len(vertices), weight / len(person.points)
         return ChamferTerm(vertices, person.points, weights, self.robust_m)
 
+    def floor_term(self, person: PlacementProblem) -> PlacementFloorTerm:
+        """Return the term of the floor, with the prior of the depth offset."""
+        cost = self.chamfer_weight * (_OFFSET_COST_M / self.depth_offset_sigma) ** 2
+        return PlacementFloorTerm(person, self.floor_weight, cost)
+
     def has_offset(self, person: PlacementProblem) -> bool:
         """Return whether the person's depth offset is free."""
         return person.on_floor and self.depth_offset_sigma > 0
@@ -173,7 +208,7 @@ class PlacementMethod(PlacementSettings):
         others: list[PlacementTerm] = [self.reprojection_term(person)] if enough else []
         offset = self.has_offset(person)
         if offset:
-            others.insert(0, PlacementFloorTerm(person, self))
+            others.insert(0, self.floor_term(person))
         for _ in range(_ROUNDS):
             last = x
             x = gauss_newton([chamfer, *others], x, range(len(x)) if offset else TRANSLATION)
@@ -201,7 +236,7 @@ class PlacementMethod(PlacementSettings):
         if fit.pairs is not None:
             terms["chamfer"] = self.chamfer_term(person, fit.pairs)
             if self.has_offset(person):
-                terms["floor"] = PlacementFloorTerm(person, self)
+                terms["floor"] = self.floor_term(person)
         ends = {"start": torch.zeros_like(fit.x), "end": fit.x}
         return {name: {end: term_energy(term, at) for end, at in ends.items()} for name, term in terms.items()}
 

@@ -12,7 +12,6 @@ import torch
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from physic_core.engine.placement.settings import PlacementSettings
 from physic_core.geometry.camera import project
 from physic_core.geometry.plane import height_over_plane
 
@@ -22,7 +21,6 @@ FEWEST_KEYPOINTS = 3
 NEAREST_M = 0.1
 """Minimum distance of a person from the camera, metres."""
 
-_OFFSET_COST_M = 0.05
 _FLOOR_ROBUST_M = 0.3  # scale of the robust loss, metres
 
 
@@ -129,18 +127,17 @@ class ChamferTerm:
 
 
 class PlacementFloorTerm:
-    """Height of the lower foot above the floor, plus the prior ``(g / sigma)^2`` of the log depth offset g."""
+    """Height of the lower foot above the floor, plus the prior ``cost g^2`` of the log depth offset g."""
 
-    def __init__(self, person: PlacementProblem, settings: PlacementSettings) -> None:
-        self.person, self.settings = person, settings
+    def __init__(self, person: PlacementProblem, weight: float, offset_cost: float) -> None:
+        self.person, self.weight, self.offset_cost = person, weight, offset_cost
 
     def residuals(self, x: Tensor) -> list[Residuals]:
         assert self.person.plane is not None
-        lowest, settings = self.person.foot_height(x).reshape(1, 1), self.settings
+        lowest = self.person.foot_height(x).reshape(1, 1)
         upward, only_offset = self.person.plane.clone(), torch.zeros_like(x)
         upward[-1], only_offset[-1] = 0.0, 1.0
-        foot = lowest.new_tensor([settings.floor_weight])
-        cost = lowest.new_tensor([settings.chamfer_weight * (_OFFSET_COST_M / settings.depth_offset_sigma) ** 2])
+        foot, cost = lowest.new_tensor([self.weight]), lowest.new_tensor([self.offset_cost])
         return [
             Residuals(lowest, upward[None, None], foot, _FLOOR_ROBUST_M),
             Residuals(x[-1].reshape(1, 1), only_offset[None, None], cost, math.inf),

@@ -19,19 +19,6 @@ METRIC_DEPTH_TOLERANCE = 0.1
 """Largest difference of point map and metric depth at an inlier, as a share of the depth."""
 
 
-@dataclass(frozen=True)
-class SceneSettings:
-    """Settings of stage 1: metric scene points, camera, normals, floor (paper Sec. 3.1)."""
-
-    far_m: PositiveOrInfinite = 50.0
-    """Points farther away are removed, metres."""
-    floor: Literal["disparity", "off"] = "disparity"
-    """"disparity" fits a plane in inverse depth. "off" finds no floor."""
-    carve_m: NotNegative = 0.5
-    """Largest distance by which inpainted scene points are moved behind a body that contains or should occlude them,
-    metres; 0 moves none."""
-
-
 class PixelSurface(NamedTuple):
     """Surface at each pixel: normals (H, W, 3), depth edges (H, W) bool, and outliers (H, W) bool outside edges."""
 
@@ -40,7 +27,8 @@ class PixelSurface(NamedTuple):
     outliers: Tensor
 
 
-class SceneMethod(SceneSettings):
+@dataclass(frozen=True)
+class SceneMethod:
     """Stage 1 of preset "default": metric scene points, camera, normals, floor (paper Sec. 3.1).
 
     Attributes:
@@ -48,6 +36,14 @@ class SceneMethod(SceneSettings):
         alignment: options of Eq. 1.
         min_floor_share: minimum inlier share of an accepted floor.
     """
+
+    far_m: PositiveOrInfinite = 50.0
+    """Points farther away are removed, metres."""
+    floor: Literal["disparity", "off"] = "disparity"
+    """"disparity" fits a plane in inverse depth. "off" finds no floor."""
+    carve_m: NotNegative = 0.5
+    """Largest distance by which inpainted scene points are moved behind a body that contains or should occlude them,
+    metres; 0 moves none."""
 
     uses_pointmap: ClassVar[bool] = True
     alignment: ClassVar[AlignmentOptions] = AlignmentOptions(METRIC_DEPTH_TOLERANCE)

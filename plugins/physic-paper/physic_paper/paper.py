@@ -43,9 +43,13 @@ import torch
 from torch import Tensor
 
 from physic_core.body.model import BodyOutput
-from physic_core.engine.joint.context import JointContext, WeightedKeypoints, with_static_contacts
+from physic_core.engine.joint.context import (
+    JointContext,
+    VisibilitySettings,
+    WeightedKeypoints,
+    with_static_contacts,
+)
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.settings import VisibilitySettings
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Term
 from physic_core.engine.joint.terms.reprojection import ReprojectionTerm
