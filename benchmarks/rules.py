@@ -15,9 +15,8 @@ from __future__ import annotations
 
 import argparse
 import json
-import pkgutil
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -52,17 +51,12 @@ class Rule:
         figure: heading of :data:`FIGURES` that the rule exists for.
         settings: overrides of the engine's settings, as for ``physic bench accuracy --set``.
         contact_only: whether stages 1 to 3 are those of the full model.
-        watched: dotted name of a function of the full model that decides whether the rule acts; "" if it always may.
-        acts: of the first argument and the result of that function, whether the rule acts in this world. Where it does
-            not, the row is that of the full model.
     """
 
     name: str
     figure: str
     settings: tuple[str, ...] = ()
     contact_only: bool = False
-    watched: str = ""
-    acts: Callable[[Any, Any], bool] = lambda argument, result: True
 
     @property
     def joint_only(self) -> bool:
@@ -78,13 +72,7 @@ RULES = (
     Rule("stature", "MPJPE mm", ("joint.stature.weight=0",)),
     Rule("free shape", "MPJPE mm", ('joint.frozen=["betas"]',)),
     Rule("people term", "people F1", ("joint.contact.people_weight=0", "joint.penetration.people_weight=0")),
-    Rule(
-        "lifted feet",
-        "F1",
-        ("placement.detect_lifted_feet=false",),
-        watched="physic_core.engine.placement.solve.find_lifted_feet",
-        acts=lambda _, feet: bool(feet.any()),
-    ),
+    Rule("lifted feet", "F1", ("placement.detect_lifted_feet=false",)),
     Rule("skin contact", "self F1", ("contact.people=false",), contact_only=True),
     Rule("objects", "F1", ("contact.objects=false",), contact_only=True),
     Rule("hidden supports", "support F1", ("contact.assume_supports=false",), contact_only=True),
@@ -134,12 +122,7 @@ def run_rows(given: argparse.Namespace, chosen: Sequence[Rule], removed: Sequenc
     given.out.mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor(given.jobs, mp_context=get_context("spawn")) as pool:
         in_turn = sorted(range(len(cases)), key=lambda number: number % given.worlds)
-        work = [
-            pool.submit(
-                run_named, i, cases[i], given.out, [rule.name for rule in chosen], [rule.name for rule in removed]
-            )
-            for i in in_turn
-        ]
+        work = [pool.submit(run_case, i, cases[i], given.out, tuple(chosen), tuple(removed)) for i in in_turn]
         for done, future in enumerate(as_completed(work), 1):
             print(f"[{done}/{len(work)}] {future.result()}", file=sys.stderr, flush=True)
 
@@ -163,12 +146,6 @@ def _setup() -> tuple[Any, Any, Any]:
     return plan, model, Evaluator.body_graph(model)
 
 
-def run_named(number: int, case: Any, out: Path, chosen: Sequence[str], removed: Sequence[str]) -> str:
-    """Run rows by the names of their rules, in a process of the pool."""
-    rules = {rule.name: rule for rule in RULES}
-    return run_case(number, case, out, tuple(rules[name] for name in chosen), tuple(rules[name] for name in removed))
-
-
 def run_case(number: int, case: Any, out: Path, chosen: tuple[Rule, ...], removed: tuple[Rule, ...]) -> str:
     """Run the missing rows of one world; return a line about it."""
     from physic_bench.worlds.evaluation import Evaluator
@@ -185,22 +162,16 @@ def run_case(number: int, case: Any, out: Path, chosen: tuple[Rule, ...], remove
     evidence = estimate_evidence(case, world, plan, model, cache_folder("bench"))
     evaluator = Evaluator(world, evidence.people.masks, skin)
     kept = FullModel()
-    base: dict[str, Any] = {}
     for rule in (BASE, *chosen):
         if files[rule.name].exists() and rule is not BASE:
             continue
-        if rule.watched and rule.name not in kept.acted:
-            row = base
-        else:
-            row = run_row((rule, *removed), evidence, evaluator, model, kept)
-        base = row if rule is BASE else base
         record = {
             "name": case.name,
             "seed": case.seed,
             "people": evaluator.truth_records(),
             "false_alarms": len(evaluator.matching.false_alarms),
             "error": "",
-            "row": row,
+            "row": run_row((rule, *removed), evidence, evaluator, model, kept),
         }
         files[rule.name].write_text(json.dumps(to_json(record, digits=7)))
     return case.title
@@ -212,13 +183,11 @@ class FullModel:
     Attributes:
         placed: results of stage 2, in the order of the calls.
         solved: result of stage 3, if it ran.
-        acted: names of the watched rules that act in this world.
     """
 
     def __init__(self) -> None:
         self.placed: list[Any] = []
         self.solved: list[Any] = []
-        self.acted: set[str] = set()
 
 
 def run_row(rules: tuple[Rule, ...], evidence: Any, evaluator: Any, model: Any, kept: FullModel) -> dict[str, Any]:
@@ -246,7 +215,7 @@ def run_row(rules: tuple[Rule, ...], evidence: Any, evaluator: Any, model: Any, 
 
 @contextmanager
 def _shared_stages(rule: Rule, kept: FullModel) -> Iterator[None]:
-    """Keep stages 2 and 3 of the full model and whether rules act in it, or use them in a row that shares them."""
+    """Keep stages 2 and 3 of the full model, or use them in a row that shares them."""
     import physic_core.pipeline.optimise as engine
 
     place, solve = engine.solve_placement, engine.optimize
@@ -263,30 +232,11 @@ def _shared_stages(rule: Rule, kept: FullModel) -> Iterator[None]:
 
             stack.enter_context(patch.object(engine, "solve_placement", placing))
             stack.enter_context(patch.object(engine, "optimize", solving))
-            for one in RULES:
-                if one.watched:
-                    stack.enter_context(_watching(one, kept.acted))
         elif rule.contact_only or rule.joint_only:
             placed = iter(kept.placed)
             stack.enter_context(patch.object(engine, "solve_placement", lambda *args, **named: next(placed)))
             if rule.contact_only:
                 stack.enter_context(patch.object(engine, "optimize", lambda *args, **named: kept.solved[0]))
-        yield
-
-
-@contextmanager
-def _watching(rule: Rule, acted: set[str]) -> Iterator[None]:
-    """Note whether a rule acts."""
-    owner, _, name = rule.watched.rpartition(".")
-    watched = getattr(pkgutil.resolve_name(owner), name)
-
-    def noting(*args: Any, **named: Any) -> Any:
-        result = watched(*args, **named)
-        if rule.acts(args[0], result):
-            acted.add(rule.name)
-        return result
-
-    with patch(rule.watched, noting):
         yield
 
 
