@@ -77,10 +77,10 @@ def _setup() -> tuple[Any, Any]:
     from physic_core.body import load_body
     from physic_core.configuration.resolve import resolve
     from physic_core.discovery.plugins import discover
-    from physic_core.interfaces import PHOTO_INTERFACES
+    from physic_core.interfaces import INTERFACES
 
     torch.set_num_threads(1)
-    mocks: dict[str, Any] = {name: {"options": {"version": 4}} for name in PHOTO_INTERFACES}
+    mocks: dict[str, Any] = {name: {"options": {"version": 4}} for name in INTERFACES}
     mocks["segmenter"]["options"] |= {"surfaces": True}
     plan = resolve(load_config(preset="mock", flags={"noise": mocks}), discover())
     return plan, load_body(plan.body_model)

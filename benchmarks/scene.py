@@ -66,9 +66,9 @@ def main() -> None:
 def mock_config() -> Any:
     """Return the mocks with noise of version 4 and labelled surfaces."""
     from physic_core import load_config
-    from physic_core.interfaces import PHOTO_INTERFACES
+    from physic_core.interfaces import INTERFACES
 
-    mocks: dict[str, dict[str, Any]] = {name: {"options": {"version": 4}} for name in PHOTO_INTERFACES}
+    mocks: dict[str, dict[str, Any]] = {name: {"options": {"version": 4}} for name in INTERFACES}
     mocks["segmenter"]["options"]["surfaces"] = True
     return load_config(preset="mock", flags={"noise": mocks})
 

@@ -24,7 +24,6 @@ ROOT = Path(__file__).parents[1]
 PLUGINS = {
     "physic_onnx": ROOT / "plugins" / "physic-onnx",
     "physic_transformers": ROOT / "plugins" / "physic-transformers",
-    "physic_cameras": ROOT / "plugins" / "physic-cameras",
     "physic_human": ROOT / "plugins" / "physic-human",
     "physic_omnieraser": ROOT / "contrib" / "physic-omnieraser",
 }

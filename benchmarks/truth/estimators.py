@@ -277,13 +277,13 @@ def world_records(count: int, seed: int, version: str, settings: Sequence[str]) 
     from physic_core.body import load_body
     from physic_core.configuration.resolve import resolve
     from physic_core.discovery.plugins import discover
-    from physic_core.interfaces import PHOTO_INTERFACES
+    from physic_core.interfaces import INTERFACES
     from physic_core.pipeline.estimate import run_backends
     from physic_core.pipeline.stage_runner import StageRunner
     from physic_core.types import CameraTrust
     from physic_testing.worlds import benchmark_worlds, build_world
 
-    options = [f"{name}.options.version={version}" for name in PHOTO_INTERFACES]
+    options = [f"{name}.options.version={version}" for name in INTERFACES]
     plan = resolve(load_config(preset="mock", overrides=[*options, *settings]), discover())
     model = load_body(plan.body_model)
     kinds: dict[str, list[Mapping[str, Any]]] = {}

@@ -44,7 +44,7 @@ from physic_core.interfaces import INTERFACES
 from physic_core.types import KnownLength, KnownSizes
 
 DEFAULT_PRESET = "embedded"
-OPTIONAL_INTERFACES = ("hand_estimator", "contact_prior", "camera_solver")
+OPTIONAL_INTERFACES = ("hand_estimator", "contact_prior")
 """Interfaces that a configuration may omit with ``backend = "none"``."""
 
 
@@ -250,7 +250,6 @@ class Config(_Table):
     body_estimator: BackendChoice
     hand_estimator: BackendChoice = BackendChoice(backend="none")
     contact_prior: BackendChoice = BackendChoice(backend="none")
-    camera_solver: BackendChoice = BackendChoice(backend="none")
     photo: PhotoSettings = PhotoSettings()
     body_model: BodyModelChoice = BodyModelChoice()
     engine: EngineChoice = EngineChoice()

@@ -29,7 +29,7 @@ from physic_core.errors import (
     WeightsMissingError,
 )
 from physic_core.files.quoting import quoted
-from physic_core.interfaces import INTERFACES, PHOTO_INTERFACES
+from physic_core.interfaces import INTERFACES
 from physic_core.types import Provenance
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ class ResolvedPipeline:
 def resolve(
     config: Config, registry: Registry, backends: Mapping[str, Backend | type[Backend]] | None = None
 ) -> ResolvedPipeline:
-    """Construct one backend for each interface of a single photo; no weights are loaded and no network is used.
+    """Construct one backend for each interface; no weights are loaded and no network is used.
 
     Args:
         config: chooses the backends.
@@ -104,11 +104,11 @@ def resolve(
         BackendError: a backend is broken or of another interface, or its constructor failed.
     """
     given = {name: _given_in_python(name, backend, registry) for name, backend in (backends or {}).items()}
-    choices = {name: config.choice(name) for name in PHOTO_INTERFACES if name not in given}
+    choices = {name: config.choice(name) for name in INTERFACES if name not in given}
     found = {name: _construct(*one) for name, one in _select(choices, registry, config.source).items()} | given
     config = config.with_backends({n: (one.provenance.backend, one.provenance.options) for n, one in given.items()})
     return ResolvedPipeline(
-        backends=MappingProxyType({name: found[name] for name in PHOTO_INTERFACES if name in found}),
+        backends=MappingProxyType({name: found[name] for name in INTERFACES if name in found}),
         photo=config.photo,
         body_model=config.body_model.source,
         device=config.run.device,
@@ -261,12 +261,10 @@ def _given_in_python(interface: str, given: object, registry: Registry) -> Resol
     """Check an instance given in Python, or construct a class with its default options.
 
     Raises:
-        ConfigError: no interface of a single photo has this name, or the class needs options.
+        ConfigError: no interface has this name, or the class needs options.
         BackendError: the object is of another interface, or its class is incomplete.
     """
     _require_interface(interface)
-    if interface not in PHOTO_INTERFACES:
-        raise ConfigError(f"backends: {interface} is only for several photos; a single photo does not use it")
     wanted = INTERFACES[interface]
     kind = given if isinstance(given, type) else type(given)
     if not issubclass(kind, wanted):

@@ -18,7 +18,7 @@ class BackendRecord:
 
     Attributes:
         interface: "segmenter", "inpainter", "metric_depth", "relative_pointmap", "keypoint_detector", "body_estimator",
-            "hand_estimator", "contact_prior" or "camera_solver".
+            "hand_estimator" or "contact_prior".
         name: the backend's name in configs, lower case with hyphens.
         target: "package.module:Class", imported when the backend is first used. In a registry built by hand, it may
             be the class itself.

@@ -1,4 +1,4 @@
-"""The nine interfaces that a plugin can implement: arguments, result type and validation of each.
+"""The eight interfaces that a plugin can implement: arguments, result type and validation of each.
 
 Images are (H, W, 3) uint8 RGB numpy arrays: already rotated as the EXIF data of the file says, and undistorted if the
 lens is known. The pipeline maps results back to the pixels of the file; a backend does neither. The frame is the OpenCV
@@ -20,7 +20,6 @@ from __future__ import annotations
 
 from physic_core.interfaces.backend import (
     Backend,
-    BaseRequest,
     GpuMemory,
     Options,
     Packages,
@@ -30,7 +29,6 @@ from physic_core.interfaces.backend import (
     UserFile,
 )
 from physic_core.interfaces.body_estimator import BodyEstimator, BodyEstimatorRequest
-from physic_core.interfaces.camera_solver import CameraSolver, CameraSolverRequest
 from physic_core.interfaces.contact_prior import ContactPrior, ContactPriorRequest
 from physic_core.interfaces.hand_estimator import HandEstimator, HandEstimatorRequest
 from physic_core.interfaces.inpainter import Inpainter, InpainterRequest
@@ -42,13 +40,9 @@ from physic_core.types.bounds import Share
 
 __all__ = [
     "INTERFACES",
-    "PHOTO_INTERFACES",
     "Backend",
-    "BaseRequest",
     "BodyEstimator",
     "BodyEstimatorRequest",
-    "CameraSolver",
-    "CameraSolverRequest",
     "ContactPrior",
     "ContactPriorRequest",
     "GpuMemory",
@@ -84,10 +78,6 @@ INTERFACES: dict[str, type[Backend]] = {
         BodyEstimator,
         HandEstimator,
         ContactPrior,
-        CameraSolver,
     )
 }
 """Interface classes by their names in configs."""
-
-PHOTO_INTERFACES = tuple(name for name, kind in INTERFACES.items() if kind.sees != "moment")
-"""Names of the interfaces that a single photo uses."""

@@ -28,11 +28,13 @@ class Options(BaseModel):
 
 
 @dataclass(frozen=True)
-class BaseRequest(Generic[Result]):
-    """Input of one backend call; its fields are the arguments of ``infer`` in order.
+class Request(Generic[Result]):
+    """Input of one backend call; its fields are the arguments of ``infer`` in order, first the image.
 
-    Keyword-only fields are used by ``check`` alone and are not passed to ``infer``.
+    Keyword-only fields are used by ``check`` alone and are not passed to ``infer``. ``image`` is (H, W, 3) uint8 RGB.
     """
+
+    image: UInt8Array
 
     @property
     def arguments(self) -> tuple[Any, ...]:
@@ -53,23 +55,6 @@ class BaseRequest(Generic[Result]):
             return self.arguments
         named = zip(fields(self), self.arguments, strict=False)  # keyword-only fields come last
         return tuple(_limited(field.name, value, reads) for field, value in named)
-
-    @property
-    def images(self) -> tuple[UInt8Array, ...]:
-        """The images of the request, which the core checks before it calls a backend."""
-        return ()
-
-
-@dataclass(frozen=True)
-class Request(BaseRequest[Result]):
-    """Input of one backend call for one photo; ``image`` is (H, W, 3) uint8 RGB."""
-
-    image: UInt8Array
-
-    @property
-    def images(self) -> tuple[UInt8Array, ...]:
-        """The image."""
-        return (self.image,)
 
 
 @dataclass(frozen=True)
@@ -202,8 +187,7 @@ class Backend(ABC, metaclass=_OptionsAsKeywords):
         api: version of the interface; the record of a backend states the version that it was written for.
         Request: class of its requests.
         Result: class of its results; ``object`` for an array, which ``check`` validates.
-        sees: image of its first call: "photo", "inpainted" for the photo with its people removed, or "moment" for
-            several photos of one moment. A single photo neither constructs nor calls a backend that sees a moment.
+        sees: image of its first call: "photo", or "inpainted" for the photo with its people removed.
         hints: names of the :class:`physic_core.types.Hints` that the pipeline knows when it calls the interface.
         reads: names of the arguments of ``infer`` and of the hints that the backend reads, without ``image``. It gets
             no others, and a cached result stays valid while these are equal. None if it may read everything.
@@ -214,7 +198,7 @@ class Backend(ABC, metaclass=_OptionsAsKeywords):
 
     interface: ClassVar[str]
     api: ClassVar[int]
-    Request: ClassVar[type[BaseRequest[Any]]]
+    Request: ClassVar[type[Any]]
     Result: ClassVar[type]
     sees: ClassVar[str] = "photo"
     hints: ClassVar[tuple[str, ...]] = ()
@@ -308,7 +292,7 @@ def interface_of(backend: type[Backend]) -> type[Backend]:
     return next(c for c in reversed(backend.__mro__) if issubclass(c, Backend) and "interface" in vars(c))
 
 
-def contract_violations(interface: type[Backend], result: object, request: BaseRequest[Any]) -> list[str]:
+def contract_violations(interface: type[Backend], result: object, request: Request[Any]) -> list[str]:
     """Return one sentence for each violation of the interface by a result; empty for a valid result."""
     wrong_type = list(check_type(result, interface.Result))
     if wrong_type:
@@ -319,13 +303,12 @@ def contract_violations(interface: type[Backend], result: object, request: BaseR
         return [f"{type(result).__name__} cannot be read: {type(cause).__name__}: {cause}"]
 
 
-def call(backend: Backend, request: BaseRequest[Any]) -> object:
+def call(backend: Backend, request: Request[Any]) -> object:
     """Call ``infer`` of a backend with what it reads of a request, and return its unchecked result.
 
     Raises:
-        InputError: an image of the request is invalid; the backend is not called.
+        InputError: the image of the request is invalid; the backend is not called.
     """
-    for image in request.images:
-        require_image(image)
+    require_image(request.image)
     result: object = backend.infer(*request.limited_to(backend.reads))
     return result

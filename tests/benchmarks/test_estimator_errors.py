@@ -13,7 +13,7 @@ from physic_core import load_config
 from physic_core.body import load_body
 from physic_core.configuration.resolve import resolve
 from physic_core.discovery.plugins import discover
-from physic_core.interfaces import PHOTO_INTERFACES
+from physic_core.interfaces import INTERFACES
 from physic_core.pipeline.estimate import run_backends
 from physic_core.pipeline.stage_runner import StageRunner
 from physic_core.types import CameraTrust
@@ -32,7 +32,7 @@ def world():
 
 @pytest.fixture(scope="module")
 def estimates(world, model):
-    settings = [f"{name}.options.noise=0" for name in PHOTO_INTERFACES]
+    settings = [f"{name}.options.noise=0" for name in INTERFACES]
     plan = resolve(load_config(preset="mock", overrides=settings), discover())
     camera = replace(world.intrinsics, trust=CameraTrust.KNOWN)
     return run_backends(world.image, camera, plan, lambda: model, StageRunner(plan.device, len(plan.backends)))

@@ -11,7 +11,7 @@ from physic_core.configuration.layers import preset_names
 from physic_core.configuration.model import Config, as_config, load_config
 from physic_core.discovery.catalog import distribution_for
 from physic_core.errors import ConfigError
-from physic_core.interfaces import PHOTO_INTERFACES
+from physic_core.interfaces import INTERFACES
 
 
 @pytest.fixture
@@ -35,7 +35,7 @@ def refusal(*args: Any, **kwargs: Any) -> str:
 
 def test_the_default_names_the_embedded_backend_everywhere():
     config = load_config()
-    assert {config.choice(i).backend for i in PHOTO_INTERFACES} == {"physic-embedded:embedded"}
+    assert {config.choice(i).backend for i in INTERFACES} == {"physic-embedded:embedded"}
     assert config.photo.max_side == 1280
     assert config.body_model.source == "embedded"
     assert config.run.device == "cpu"
@@ -44,7 +44,7 @@ def test_the_default_names_the_embedded_backend_everywhere():
 @pytest.mark.parametrize("name", preset_names())
 def test_every_preset_names_the_distribution_of_each_backend(name: str):
     config = load_config(preset=name)
-    for interface in PHOTO_INTERFACES:
+    for interface in INTERFACES:
         distribution, _, backend = config.choice(interface).backend.rpartition(":")
         assert backend == "none" or distribution == distribution_for(interface, backend)
 

@@ -14,14 +14,14 @@ from physic_core.configuration.model import load_config
 from physic_core.configuration.resolve import resolve
 from physic_core.discovery.plugins import discover
 from physic_core.errors import NoPersonError
-from physic_core.interfaces import PHOTO_INTERFACES, Backend
+from physic_core.interfaces import INTERFACES, Backend
 from physic_core.pipeline.run import reconstruct
 from physic_mock.backends import MockSegmenter
 from physic_testing.worlds import build_world
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
-ONCE = Counter(dict.fromkeys(PHOTO_INTERFACES, 1))
+ONCE = Counter(dict.fromkeys(INTERFACES, 1))
 
 
 @pytest.fixture

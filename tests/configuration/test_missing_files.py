@@ -16,7 +16,7 @@ from physic_core.configuration.resolve import require_available, resolve
 from physic_core.discovery.readiness import missing_requirements
 from physic_core.discovery.registry import BackendRecord, Registry
 from physic_core.errors import BackendError, WeightsMissingError
-from physic_core.interfaces import INTERFACES, PHOTO_INTERFACES
+from physic_core.interfaces import INTERFACES
 from physic_testing import check_backend
 from physic_testing.commands.doctor import try_backend
 
@@ -195,7 +195,7 @@ def test_a_wrong_missing_method_is_named_by_every_command():
     for name, base in INTERFACES.items():
         kind = saying(None) if name == "metric_depth" else type("Own", (base,), {"infer": lambda self, *a: None})
         registry.register(BackendRecord(name, "own", kind, api=1))
-    config = load_config(flags={"config": {name: {"backend": "own"} for name in PHOTO_INTERFACES}})
+    config = load_config(flags={"config": {name: {"backend": "own"} for name in INTERFACES}})
     says = "missing() must return a tuple of texts, got None"
     with pytest.raises(BackendError, match=r"metric_depth 'own'.*tuple of texts"):
         require_available(resolve(config, registry))

@@ -150,10 +150,10 @@ def backends_of(found: Reconstruction) -> dict[str, tuple[str, str, str]]:
 
 def claimed(preset: str) -> dict[str, tuple[str, str, str]]:
     """The same, as the preset and the plugins say."""
-    from physic_core.interfaces import PHOTO_INTERFACES
+    from physic_core.interfaces import INTERFACES
 
     registry, config = discover(), load_config(preset=preset)
-    claims = {name: registry.get(name, config.choice(name).backend) for name in PHOTO_INTERFACES}
+    claims = {name: registry.get(name, config.choice(name).backend) for name in INTERFACES}
     return {
         name: (claim.record.name, claim.origin.distribution, claim.record.weights_license)
         for name, claim in claims.items()

@@ -11,7 +11,7 @@ from physic_core.configuration.resolve import check_backends, resolve
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import BackendRecord, BrokenPlugin, Origin, Registry
 from physic_core.errors import BackendError, ConfigError, PhysicError
-from physic_core.interfaces import INTERFACES, PHOTO_INTERFACES
+from physic_core.interfaces import INTERFACES
 
 OWNER = Origin("mine", "physic-mine", "0.2")
 
@@ -30,7 +30,7 @@ def backend(interface: str, options: type[interfaces.Options] = interfaces.Optio
 def registry(**others: Any) -> Registry:
     """One backend "own" for every interface, with other classes for the named ones."""
     own = Registry(installed=False)
-    for name in PHOTO_INTERFACES:
+    for name in INTERFACES:
         options = DepthOptions if name == "metric_depth" else interfaces.Options
         kind = others.get(name, backend(name, options))
         own.register(BackendRecord(name, "own", kind, api=1, weights_license="MIT (Own)"), OWNER)
@@ -38,7 +38,7 @@ def registry(**others: Any) -> Registry:
 
 
 def config(**tables: Any) -> Config:
-    choices: dict[str, Any] = {name: {"backend": "own"} for name in PHOTO_INTERFACES}
+    choices: dict[str, Any] = {name: {"backend": "own"} for name in INTERFACES}
     return load_config(flags={"config": choices | tables})
 
 
@@ -51,7 +51,7 @@ def refusal(chosen: Config, own: Registry, kind: type[PhysicError] = ConfigError
 def test_every_interface_gets_its_backend_with_options_and_provenance():
     table = {"backend": "own", "options": {"resolution_level": 3}}
     pipeline = resolve(config(metric_depth=table), registry())
-    assert list(pipeline.backends) == list(PHOTO_INTERFACES)
+    assert list(pipeline.backends) == list(INTERFACES)
     depth = pipeline.backends["metric_depth"]
     assert isinstance(depth.backend, interfaces.MetricDepth)
     assert isinstance(depth.backend.options, DepthOptions)
@@ -99,7 +99,7 @@ def test_two_claims_to_the_chosen_name_are_one_of_the_faults():
 
 @pytest.mark.parametrize("preset", ["embedded", "mock"])
 def test_a_third_party_with_the_names_of_a_preset_does_not_break_the_preset(site, preset: str):
-    for interface in PHOTO_INTERFACES:
+    for interface in INTERFACES:
         site.offer(f"physic-mine-{interface.replace('_', '-')}", interface, preset)
     both = discover(environment={})
     chosen = resolve(load_config(preset=preset), both).backends

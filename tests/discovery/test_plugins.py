@@ -116,8 +116,7 @@ def test_a_new_version_of_an_interface_refuses_the_backends_of_that_one_alone(si
     refused = [claim for claim in registry if claim.problem]
     assert refused == [claim for claim in registry if claim.record.interface == interface]
     owners = {claim.origin.distribution for claim in refused}
-    own = {"physic-scene"} if interface == "camera_solver" else {"physic-embedded", "physic-mock"}
-    assert {*own, f"third-party-{interface.replace('_', '-')}"} <= owners
+    assert {"physic-embedded", "physic-mock", f"third-party-{interface.replace('_', '-')}"} <= owners
 
 
 def test_a_backend_for_an_unknown_interface_suggests_a_close_name(site):

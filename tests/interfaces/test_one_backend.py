@@ -11,7 +11,7 @@ from PIL import Image
 from pydantic import Field
 
 from physic_core import BackendOutputError, ConfigError, InputError, WeightsMissingError, load_backend
-from physic_core.interfaces import PHOTO_INTERFACES, ContactPrior, MetricDepth, Options
+from physic_core.interfaces import INTERFACES, ContactPrior, MetricDepth, Options
 from physic_core.io.photo import read_source
 from physic_core.types import DepthMap, Hints, Intrinsics, People
 from physic_testing.worlds import build_world
@@ -86,7 +86,7 @@ def test_each_interface_can_be_called_alone():
         "hand_estimator": lambda: (found["segmenter"], found["keypoint_detector"]),
         "contact_prior": lambda: (found["segmenter"], found["body_estimator"]),
     }
-    assert set(arguments) == set(PHOTO_INTERFACES)
+    assert set(arguments) == set(INTERFACES)
     order = sorted(arguments, key=lambda name: name == "metric_depth")
     for name in order:
         found[name] = load_backend(name, "mock")(image, *arguments[name]())

@@ -20,13 +20,13 @@ from physic_core import Reconstruction, load_config, reconstruct
 from physic_core.cache.code import CodeDigester
 from physic_core.cli import main
 from physic_core.discovery.plugins import discover
-from physic_core.interfaces import PHOTO_INTERFACES
+from physic_core.interfaces import INTERFACES
 from physic_core.io.photo import read_photo
 from physic_testing.worlds import build_world
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
-ONCE = Counter(list(PHOTO_INTERFACES))
+ONCE = Counter(list(INTERFACES))
 EVERYBODY = ONCE + Counter(["relative_pointmap"])
 """How often a run asks each interface."""
 
@@ -121,7 +121,7 @@ def by_set(photo: Path, folder: Path, swap: dict[str, str]) -> None:
 
 def by_python(photo: Path, folder: Path, swap: dict[str, str]) -> None:
     """The swap in Python."""
-    tables = {name: {"backend": "mock"} for name in PHOTO_INTERFACES} | {n: {"backend": b} for n, b in swap.items()}
+    tables = {name: {"backend": "mock"} for name in INTERFACES} | {n: {"backend": b} for n, b in swap.items()}
     reconstruct(read_photo(photo).image, tables)
 
 

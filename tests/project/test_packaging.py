@@ -101,7 +101,6 @@ THROUGH_OTHERS = {
 }
 """Requirements that another library imports for us."""
 BY_THE_USER = {
-    "physic-cameras": {"depth_anything_3"},  # would replace numpy; missing() names it
     "physic-core": {"onnxruntime"},  # for plugins that run ONNX files
     "physic-human": {"torchvision"},  # has to fit the user's torch; missing() names it
     "physic-setup": {"torch"},  # of the core; its metadata do not name the build

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core import Pipeline
-from physic_core.interfaces import INTERFACES, PHOTO_INTERFACES
+from physic_core.interfaces import INTERFACES
 from physic_core.types import Intrinsics, People
 from physic_mock import backends
 
@@ -59,7 +59,7 @@ def mock_of(interface: str) -> type:
 
 def record(image: UInt8Array) -> dict[str, list[Any]]:
     """Return the results of all mock backends for a photo, in the order of the calls, by interface."""
-    results: dict[str, list[Any]] = {name: [] for name in PHOTO_INTERFACES}
+    results: dict[str, list[Any]] = {name: [] for name in INTERFACES}
 
     def recording(interface: str) -> type:
         mock = mock_of(interface)
@@ -70,7 +70,7 @@ def record(image: UInt8Array) -> dict[str, list[Any]]:
 
         return type("Recording", (mock,), {"infer": infer})
 
-    with Pipeline(CONFIG, backends={name: recording(name) for name in PHOTO_INTERFACES}) as pipeline:
+    with Pipeline(CONFIG, backends={name: recording(name) for name in INTERFACES}) as pipeline:
         pipeline(image)
     return results
 
@@ -90,7 +90,7 @@ def deviating_backends(deviation: Deviation, recorded: Mapping[str, list[Any]]) 
 
         return type("Replaying", (mock,), {"infer": infer})
 
-    return {name: replaying(name) for name in PHOTO_INTERFACES}
+    return {name: replaying(name) for name in INTERFACES}
 
 
 def _of_people(result: Any, count: int) -> Any:

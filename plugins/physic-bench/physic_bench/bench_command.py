@@ -161,11 +161,11 @@ def _configs(options: _AccuracyOptions, trial: list[str], others: list[str]) -> 
     Backends of other plugins have a noise seed, and no version of the noise.
     """
     from physic_core.configuration.model import load_config
-    from physic_core.interfaces import PHOTO_INTERFACES
+    from physic_core.interfaces import INTERFACES
 
     usual, chosen = load_config(preset="mock"), load_config(preset="mock", overrides=others)
     noise: dict[str, dict[str, dict[str, int]]] = {}
-    for name in PHOTO_INTERFACES:
+    for name in INTERFACES:
         noise[name] = {"options": {"noise_seed": options.noise_seed}}
         if chosen.choice(name).backend == usual.choice(name).backend:
             noise[name]["options"]["version"] = options.noise_version

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from physic_core import BackendRecord, CommandRecord, hookimpl
+from physic_core import CommandRecord, hookimpl
 
 if TYPE_CHECKING:
     from physic_scene.calibration import KnownCamera, read_calibration
@@ -18,7 +18,6 @@ __all__ = [
     "ScenePipeline",
     "SceneResult",
     "SolvedPhoto",
-    "physic_backends",
     "physic_commands",
     "read_calibration",
     "reconstruct_scene",
@@ -34,20 +33,6 @@ _NAMES = {
     "reconstruct_scene": "scene",
     "save_scene": "output",
 }
-
-
-@hookimpl
-def physic_backends() -> list[BackendRecord]:
-    """Return the records of the camera solvers."""
-    return [
-        BackendRecord(
-            "camera_solver",
-            "people",
-            "physic_scene.solver:PeopleCameras",
-            api=1,
-            summary="Cameras from matched people: keypoints, bodies and floors",
-        )
-    ]
 
 
 @hookimpl

@@ -164,7 +164,7 @@ def keypoint_errors(observations: MomentObservations, bundle: Bundle) -> FloatAr
         focal = np.exp(bundle.log_focal[v]) * np.array([K[0, 0], K[1, 1]])
         uv = focal * local[:, :2] / np.maximum(local[:, 2:], 0.1) + K[:2, 2]
         away = np.linalg.norm(uv - observations.points[v, p], axis=1) / observations.size_px[v, p]
-        seen = (observations.confidence[v, p] >= _SEEN) & np.isfinite(away)  # a solver may not know all points
+        seen = observations.confidence[v, p] >= _SEEN
         errors[v, p] = np.median(away[seen]) if seen.any() else np.nan
     return errors
 

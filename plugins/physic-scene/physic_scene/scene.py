@@ -9,19 +9,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
-from physic_core import Pipeline, load_backend
+from physic_core import Pipeline
 from physic_core.body import load_body
 from physic_core.errors import BackendError, InputError, NoPersonError
 from physic_core.types import KnownSizes, SkippedPhoto
 from physic_scene.ages import ages_of_photos, ages_of_scene, check_ages
 from physic_scene.calibration import KnownCamera
+from physic_scene.cameras import solve_cameras
 from physic_scene.energy import require_default_engine
 from physic_scene.people import people_of_scene
 from physic_scene.reference import ReferenceInput, solve_reference
 from physic_scene.result import assemble
+from physic_scene.selection import PhotoWithPeople, select_photos
 from physic_scene.settings import MomentSettings
 from physic_scene.solved import ScenePhoto, SolvedScene
-from physic_scene.solver import solver_options
 from physic_scene.triangulation import rig_unit
 
 if TYPE_CHECKING:
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
 
     from physic_core import Config
     from physic_core.body.model import BodyModel
-    from physic_core.interfaces import Backend, CameraSolver
     from physic_core.types import FloatArray, Intrinsics, Reconstruction
     from physic_scene.types import SceneResult
 
@@ -43,7 +43,6 @@ FEWEST, MOST = 2, 8
 
 _UNITS = {"millimetres": 0.001, "centimetres": 0.01, "inches": 0.0254, "feet": 0.3048}
 _OTHER_UNIT = 1.5  # larger factors are no error of people's sizes
-_SOLVER = "physic-scene:people"  # where the configuration has no camera_solver
 
 
 class ScenePipeline:
@@ -51,11 +50,8 @@ class ScenePipeline:
 
     Args:
         config: as of :class:`physic_core.Pipeline`: a Config, the name of a preset, the path of a TOML file, or its
-            tables. ``engine.preset`` must be "default". ``[camera_solver]`` names the solver of cameras; without it,
-            the "people" of this package.
-        settings: of the joint solution, of what contradicts cameras, and of the "people" of this package if the
-            configuration has no solver.
-        solver: in place of that of the configuration; it is loaded here, and not closed.
+            tables. ``engine.preset`` must be "default".
+        settings: of all steps.
 
     Raises:
         PhysicError: as of :class:`physic_core.Pipeline`.
@@ -65,12 +61,9 @@ class ScenePipeline:
         self,
         config: Config | Mapping[str, Any] | str | os.PathLike[str] | None = None,
         settings: MomentSettings | None = None,
-        solver: CameraSolver | None = None,
     ) -> None:
         self._pipeline = Pipeline(config)
         self._settings = settings or MomentSettings()
-        self._given = solver
-        self._loaded: Backend | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -81,9 +74,6 @@ class ScenePipeline:
     def close(self) -> None:
         """Close all backends."""
         self._pipeline.close()
-        if self._loaded is not None:
-            self._loaded.close()
-            self._loaded = None
 
     def __call__(
         self,
@@ -213,18 +203,6 @@ class ScenePipeline:
     def _body(self) -> BodyModel:
         return load_body(self._pipeline.config.body_model.source).to(dtype=torch.float64)
 
-    def _solver(self) -> Backend:
-        """Return the loaded solver of cameras."""
-        if self._given is not None:
-            self._given.load(self._pipeline.config.run.device)
-            return self._given
-        if self._loaded is None:
-            chosen = self._pipeline.config.camera_solver
-            name = _SOLVER if chosen.backend == "none" else chosen.backend
-            options = solver_options(self._settings) if chosen.backend == "none" else chosen.options
-            self._loaded = load_backend("camera_solver", name, device=self._pipeline.config.run.device, **options)
-        return self._loaded
-
     def _cameras(
         self,
         results: Sequence[Reconstruction | None],
@@ -252,7 +230,8 @@ class ScenePipeline:
                 "photos that show the same people"
             )
         _check_unit(rig_unit([photo.people for photo in photos], self._settings.fit.keypoint))
-        solution = self._solver()(tuple(photo.view for photo in photos))
+        seen = [PhotoWithPeople(i, photo.view, photo.people) for i, photo in enumerate(photos)]
+        solution = solve_cameras(select_photos(seen, self._settings), len(photos), self._settings)
         solved = SolvedScene.of(solution, photos, model)
         solved = replace(solved, left_out=(*empty, *solved.left_out))
         if several:

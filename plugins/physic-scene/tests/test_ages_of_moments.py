@@ -15,13 +15,13 @@ from physic_core.batch.moments import MomentPhoto
 from physic_core.body import load_body
 from physic_core.body.ages import load_ages
 from physic_core.errors import InputError
-from physic_core.interfaces import PHOTO_INTERFACES
+from physic_core.interfaces import INTERFACES
 from physic_scene import ScenePipeline
 from physic_scene.command import scene as command
 from physic_scene.moments import join_photos
 from physic_testing.worlds import build_world, view_names
 
-NOISE = {name: {"options": {"noise": 0.25}} for name in PHOTO_INTERFACES}
+NOISE = {name: {"options": {"noise": 0.25}} for name in INTERFACES}
 QUICK = ("engine.joint.optimiser.steps=5",)
 YEARS = 10.0
 

@@ -12,10 +12,10 @@ from physic_core.batch.journal import read_journals
 from physic_core.batch.photos import list_photos
 from physic_core.batch.process import BatchJob, PhotoProcessor
 from physic_core.batch.run import plan_batch, run_batch
-from physic_core.interfaces import PHOTO_INTERFACES
+from physic_core.interfaces import INTERFACES
 from physic_testing.worlds import build_world, view_names
 
-QUIET = {name: {"options": {"noise": 0.25}} for name in PHOTO_INTERFACES}
+QUIET = {name: {"options": {"noise": 0.25}} for name in INTERFACES}
 
 
 def test_a_table_of_moments_gives_one_result_for_each(tmp_path: Path):

@@ -14,7 +14,7 @@ from PIL import Image
 from physic_core import Pipeline, load_config, load_reconstruction, with_cameras
 from physic_core.body import load_body
 from physic_core.errors import ConfigError, InputError, OutputError
-from physic_core.interfaces import PHOTO_INTERFACES
+from physic_core.interfaces import INTERFACES
 from physic_scene import ScenePipeline, SceneResult
 from physic_scene.command import scene as command
 from physic_scene.output import save_scene
@@ -22,7 +22,7 @@ from physic_scene.rigid import rotation_angle_deg
 from physic_testing.worlds import build_world, view_names
 
 SIZE = (240, 180)
-QUIET = {name: {"options": {"noise": 0.25}} for name in PHOTO_INTERFACES}
+QUIET = {name: {"options": {"noise": 0.25}} for name in INTERFACES}
 
 
 @pytest.fixture(scope="module")

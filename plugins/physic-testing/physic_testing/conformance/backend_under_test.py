@@ -50,7 +50,7 @@ PHOTOS_OF_ONE_SIZE = {"hand_estimator": ("close", "sitting, large")}
 
 TWO_PHOTOS = ("one person", "leaning")
 
-_EVIDENCE: dict[str, tuple[str, ...]] = {"hand_estimator": EVIDENCE_OF_HANDS, "camera_solver": ()}
+_EVIDENCE: dict[str, tuple[str, ...]] = {"hand_estimator": EVIDENCE_OF_HANDS}
 
 OptionsFor = Mapping[str, Any] | Callable[["World"], Mapping[str, Any]]
 """Options of a backend, or a function that returns the options for a world.
@@ -187,9 +187,8 @@ class BackendUnderTest:
     def infer(self, backend: Backend, case: Case, arguments: tuple[Any, ...] | None = None) -> Any:
         """Call the backend's ``infer`` with the arguments of a case, or with ``arguments``; errors propagate."""
         given = infer_arguments(self.interface, case) if arguments is None else arguments
-        for image in INTERFACES[self.interface].Request(*given).images:
-            require_image(image)
         request = INTERFACES[self.interface].Request(*given)
+        require_image(request.image)
         with self.watch.call() as results:
             results.append(cast("Any", backend).infer(*request.limited_to(backend.reads)))
         return results[0]
@@ -220,7 +219,7 @@ class BackendUnderTest:
 
     @property
     def evidence_names(self) -> tuple[str, ...]:
-        """Names of the photos over which bias is measured; a camera solver has none."""
+        """Names of the photos over which bias is measured."""
         return _EVIDENCE.get(self.interface, EVIDENCE)
 
     def result(self, name: str = "one person") -> Any:

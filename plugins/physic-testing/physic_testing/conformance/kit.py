@@ -11,7 +11,6 @@ from physic_core.interfaces import INTERFACES, Backend
 from physic_testing.conformance import (
     before_load,
     body_estimator,
-    camera_solver,
     colours,
     contact_prior,
     hand_estimator,
@@ -46,7 +45,6 @@ _INTERFACE_CHECKS: dict[str, tuple[Check, ...]] = {
     "body_estimator": body_estimator.CHECKS,
     "hand_estimator": hand_estimator.CHECKS,
     "contact_prior": contact_prior.CHECKS,
-    "camera_solver": camera_solver.CHECKS,
 }
 """Checks against the ground truth of a world, by interface; other interfaces have only the general checks."""
 

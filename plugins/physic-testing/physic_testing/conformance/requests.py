@@ -10,14 +10,13 @@ import numpy as np
 
 from physic_core.interfaces import INTERFACES
 from physic_core.types import Hints
-from physic_testing.conformance.moment import build_moment
 
 if TYPE_CHECKING:
-    from physic_core.interfaces import BaseRequest
+    from physic_core.interfaces import Request
     from physic_testing.conformance.cases import Case
 
 
-def build_request(interface: str, case: Case) -> BaseRequest[Any]:
+def build_request(interface: str, case: Case) -> Request[Any]:
     """Build the request for a case; its arrays are writable copies."""
     kind = INTERFACES[interface]
     known: dict[str, Any] = {
@@ -27,7 +26,6 @@ def build_request(interface: str, case: Case) -> BaseRequest[Any]:
         "intrinsics": case.intrinsics,
         "keypoints": case.keypoints,
         "bodies": case.bodies,
-        "photos": build_moment(case) if kind.sees == "moment" else (),
         "hints": Hints(**{name: getattr(case, name) for name in kind.hints}),
     }
     given = {field.name: known[field.name] for field in fields(kind.Request) if not field.kw_only}

@@ -172,7 +172,7 @@ def test_names_that_do_not_serve_are_refused(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert refusal("plugins", "new", "my-depth", "--interface", "metric_dept").splitlines()[-1] == (
         "Error: no interface named 'metric_dept'; there are: segmenter, inpainter, metric_depth, relative_pointmap, "
-        "keypoint_detector, body_estimator, hand_estimator, contact_prior, camera_solver. Did you mean 'metric_depth'?"
+        "keypoint_detector, body_estimator, hand_estimator, contact_prior. Did you mean 'metric_depth'?"
     )
     assert refusal("plugins", "new", "telea", "--interface", "inpainter").splitlines()[-1] == (
         "Error: inpainter 'telea' (physic-opencv 0.1.0) is installed already: choose another name"

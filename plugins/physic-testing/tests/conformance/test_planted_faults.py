@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from planted_faults import FAULTS, READER_FAULTS, Fault, run_checks
 
-from physic_core.interfaces import PHOTO_INTERFACES
+from physic_core.interfaces import INTERFACES
 from physic_testing import check_backend
 from physic_testing.conformance.kit import accuracy_checks
 
@@ -42,7 +42,7 @@ def test_a_mock_without_a_fault_passes(mock: str):
     assert failures(mock) == []
 
 
-@pytest.mark.parametrize("interface", PHOTO_INTERFACES)
+@pytest.mark.parametrize("interface", INTERFACES)
 def test_errors_as_large_as_those_of_networks_are_no_bias(interface: str):
     report = check_backend("mock", interface, options={"version": 4, "noise_seed": 1000})
     assert report.ok, report.text

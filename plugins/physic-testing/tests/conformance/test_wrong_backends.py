@@ -15,7 +15,7 @@ from wrong_backends import WRONG, Wrong
 
 from physic_core import interfaces
 from physic_core.discovery.plugins import discover
-from physic_core.interfaces import PHOTO_INTERFACES
+from physic_core.interfaces import INTERFACES
 from physic_mock import backends as mocks
 from physic_testing import check_backend
 from physic_testing.conformance import checks_for, record
@@ -66,10 +66,10 @@ def test_a_wrong_backend_is_caught_by_its_own_check(mistake: Wrong, tmp_path: Pa
     assert failure.got
 
 
-@pytest.mark.parametrize("interface", PHOTO_INTERFACES)
+@pytest.mark.parametrize("interface", INTERFACES)
 def test_every_check_catches_a_wrong_backend(interface: str):
     own = {check.name for check in checks_for(interface)}
-    common = set.intersection(*({check.name for check in checks_for(other)} for other in PHOTO_INTERFACES))
+    common = set.intersection(*({check.name for check in checks_for(other)} for other in INTERFACES))
     planted = {f.check for f in FAULTS + READER_FAULTS if getattr(mocks, f.mock).interface == interface}
     caught = {m.check for m in WRONG if m.kind.interface == interface} | planted
     everywhere = {m.check for m in WRONG} | {check.name for check in record.CHECKS + record.CHECKS_AFTER_INFER}
