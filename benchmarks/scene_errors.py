@@ -61,7 +61,7 @@ def _moments(out: Path, names: Sequence[str], seeds: Sequence[int]) -> Iterator[
 
     from physic_core.body import load_body
     from physic_scene import ScenePipeline
-    from physic_scene.solved import ScenePhoto
+    from physic_scene.photos import ScenePhoto
     from physic_testing.worlds import build_world, view_names
 
     out.mkdir(parents=True, exist_ok=True)

@@ -77,17 +77,16 @@ def _moments(alone: Sequence[Any], numbers: Sequence[list[int]], rng: np.random.
 
 def _counts(results: Sequence[Any], shown: Sequence[list[int]]) -> dict[str, int]:
     """Return the counts of one moment, from the results of its photos and the true numbers of their people."""
-    from physic_scene.solver import PeopleCameras
-
     from physic_core.body import load_body
     from physic_core.errors import InputError
     from physic_scene.people import people_of_scene
-    from physic_scene.solved import ScenePhoto, SolvedScene
+    from physic_scene.photos import ScenePhoto, choose_photos
+    from physic_scene.solution import solve_scene
 
     model = load_body("embedded").to(dtype=torch.float64)
     photos = [ScenePhoto.of(i, str(i), result, model) for i, result in enumerate(results)]
     try:
-        solved = SolvedScene.of(PeopleCameras()(tuple(photo.view for photo in photos)), photos, model)
+        solved = solve_scene(choose_photos(photos), model)
     except InputError:
         return {"moments without a solution": 1}
 

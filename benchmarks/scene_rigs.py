@@ -257,7 +257,7 @@ def _hips(found: Any, group: Sequence[RigPhoto], truth: RigTruth, people: Sequen
     if not own:
         return {}
     # Centres of cameras take part in the similarity: two people alone would fit any.
-    centres = [camera.centre for camera in found.cameras]
+    centres = [photo.camera.centre for photo in found.photos]
     true = [group[photo.index].camera.centre for photo in found.photos]
     moved = _similar(np.array([*own, *centres]), np.array([*fact, *true]))[: len(own)]
     away, alone = (np.linalg.norm(np.array(x) - fact, axis=1).mean() for x in (moved, single))

@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from physic_core.io.report_file import save_report
     from physic_core.io.results import load_people, load_reconstruction
     from physic_core.io.saving import save_reconstruction
-    from physic_core.pipeline.checks.views import with_cameras
     from physic_core.pipeline.loaded_backends import load_backend
     from physic_core.pipeline.run import Pipeline, reconstruct
     from physic_core.types import (
@@ -94,7 +93,6 @@ __all__ = [
     "report_html",
     "save_reconstruction",
     "save_report",
-    "with_cameras",
 ]
 
 _NAMES = {
@@ -108,7 +106,6 @@ _NAMES = {
     "physic_core.io.report_file": "save_report",
     "physic_core.io.results": "load_people load_reconstruction",
     "physic_core.io.saving": "save_reconstruction",
-    "physic_core.pipeline.checks.views": "with_cameras",
     "physic_core.pipeline.loaded_backends": "load_backend",
     "physic_core.pipeline.run": "Pipeline reconstruct",
     "physic_core.types": "Intrinsics KnownLength KnownSizes PeoplePrompt Person Reconstruction Scene",

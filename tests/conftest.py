@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,9 +11,7 @@ import trimesh
 from physic_core.types import (
     BodyContact,
     BodyParameters,
-    CameraView,
     ContactPartner,
-    Detection,
     Grade,
     Intrinsics,
     Person,
@@ -194,43 +191,6 @@ def make_reconstruction(width: int = 160, height: int = 120, people: int = 2) ->
         contact_partners=(FLOOR, ContactPartner("person", person=1, part="left_hand")),
         config={"preset": "default", "engine": {"joint": {"steps": 100, "weight": 0.3}}, "floor": True},
     )
-
-
-def make_view(result: Reconstruction, turn_deg: float, size: tuple[int, int], people: list[int]) -> CameraView:
-    """A photo from a camera that is turned around the vertical axis through the middle of the room."""
-    middle, turn = np.array([0.0, 0.0, 3.3]), np.deg2rad(turn_deg)
-    around = np.array([[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [-np.sin(turn), 0, np.cos(turn)]])
-    origin = around @ (np.array([0.0, CAMERA_HEIGHT, 0.0]) - middle) + middle
-    rotation = CAMERA_FROM_WORLD @ around.T @ CAMERA_FROM_WORLD.T
-    centre = to_camera(origin)
-    width, height = size
-    camera = Intrinsics.from_focal(0.9 * width, width, height, "several photos")
-    image = np.full((height, width, 3), 200, np.uint8)
-    found = {}
-    for index in people:
-        person = result.people[index]
-        vertices, joints = (((points - centre) @ rotation.T) for points in (person.vertices, person.joints[:23]))
-        spots, pixels = ((points @ camera.matrix.T)[:, :2] / points[:, 2:] for points in (joints, vertices))
-        (x0, y0), (x1, y1) = (np.clip(p, 0, size).astype(int) for p in (pixels.min(0), np.ceil(pixels.max(0))))
-        mask = np.zeros((height, width), bool)
-        mask[y0:y1, x0:x1] = True
-        image[mask] = [90, 120, 60 + 60 * index]
-        box = np.array([x0, y0, x1, y1], np.float32)
-        found[index] = Detection(box, 0.75, mask, spots.astype(np.float32), np.ones(23, np.float32))
-    return CameraView(f"{turn_deg:g}.jpg", image, camera, rotation, -rotation @ centre, 0.02, 0.05, found)
-
-
-def make_several_photos() -> Reconstruction:
-    """Two people; the second photo shows both, the third the second one."""
-    result = make_reconstruction()
-    others = [make_view(result, 50.0, (120, 100), [0, 1]), make_view(result, -80.0, (90, 120), [1])]
-    return replace(result, cameras=(result.reference_view("0.jpg"), *others))
-
-
-@pytest.fixture
-def several_photos() -> Reconstruction:
-    """Two people from three cameras; the third shows one of them."""
-    return make_several_photos()
 
 
 @pytest.fixture

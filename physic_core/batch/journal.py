@@ -23,8 +23,8 @@ from physic_core.files.own import foreign_file, open_to_append
 from physic_core.files.strict_json import from_json, parse_json, to_json
 
 COLUMNS: Mapping[str, str] = {
-    "id": "of the photo, or name of the moment",
-    "path": "absolute path of the photo, or of the first one of a moment",
+    "id": "of the photo",
+    "path": "absolute path of the photo",
     "state": '"done" or "failed"',
     "error": "class of the error; empty if done",
     "message": "of the error",

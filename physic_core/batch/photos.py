@@ -25,22 +25,21 @@ _PHOTO_SUFFIXES = frozenset(suffix for suffixes in IMAGE_SUFFIXES.values() for s
 _TABLE_SUFFIXES = (".csv", ".parquet")
 _JOURNAL = re.compile(r"journal(-[0-9]+-of-[0-9]+)?\.jsonl")
 _OF_RESULTS, _LINK = "in folders of results", "link to a folder"
-_COLUMNS = ("path", "camera", "stature", "age", "depth", "pointmap", "id", "moment")
+_COLUMNS = ("path", "camera", "stature", "age", "depth", "pointmap", "id")
 _MAX_NAME = 100  # characters of a folder's name; file systems allow 255 bytes
 
 
 @dataclass(frozen=True, slots=True)
 class PhotoItem:
-    """One photo of a batch, or several of one moment.
+    """One photo of a batch.
 
     Attributes:
-        id: unique in the batch, and equal in every run of it; of several photos, the name of the moment.
+        id: unique in the batch, and equal in every run of it.
         path: absolute.
         settings: of the table ``[photo]`` for this photo alone.
         stamp: size in bytes and modification time in ns of the file at some time before it is read, by
             :meth:`stamped`; None if it is unknown, or there is no file.
         replaces: names of the files of an earlier result, of which some are lost.
-        others: the other photos of the same moment.
     """
 
     id: str
@@ -48,7 +47,6 @@ class PhotoItem:
     settings: Mapping[str, Any] = field(default_factory=dict)
     stamp: tuple[int, int] | None = field(default=None, compare=False)
     replaces: tuple[str, ...] = field(default=(), compare=False)
-    others: tuple[PhotoItem, ...] = ()
 
     @classmethod
     def at(cls, path: str | os.PathLike[str], **fields: Any) -> PhotoItem:
@@ -58,13 +56,13 @@ class PhotoItem:
         return cls(**{"id": name, "path": absolute, **fields})
 
     def stamped(self) -> PhotoItem:
-        """Return a copy with the size and time that the file has now, and those of the others of its moment."""
+        """Return a copy with the size and time that the file has now."""
         try:
             status = os.stat(self.path)
             stamp = status.st_size, status.st_mtime_ns
         except OSError:
             stamp = None
-        return replace(self, stamp=stamp, others=tuple(other.stamped() for other in self.others))
+        return replace(self, stamp=stamp)
 
 
 @dataclass(frozen=True)
@@ -91,10 +89,10 @@ def list_photos(inputs: Iterable[str], out: str | os.PathLike[str] | None = None
     """List the photos of files, folders (recursively), glob patterns, and CSV or Parquet tables, without duplicates.
 
     A table has a column "path", relative to the table's folder, and may have "camera" (focal length in px, or
-    "fx,fy,cx,cy"), "stature" (m), "age" (years), "depth" and "pointmap" (files), "id", and "moment": photos with the
-    same one become one result. Photos of folders and patterns are sorted by path. Files of folders and patterns that
-    are in the folder of a result are skipped, and folders of earlier batches, and all files below ``out``. So are files
-    of folders that are hidden, or have a suffix that no photo has, and links to folders.
+    "fx,fy,cx,cy"), "stature" (m), "age" (years), "depth" and "pointmap" (files), and "id". Photos of folders and
+    patterns are sorted by path. Files of folders and patterns that are in the folder of a result are skipped, and
+    folders of earlier batches, and all files below ``out``. So are files of folders that are hidden, or have a suffix
+    that no photo has, and links to folders.
 
     Raises:
         InputError: an input does not exist, a folder cannot be read, a table is invalid, two photos have one id, or
@@ -242,25 +240,13 @@ def _reason(name: str) -> str:
 
 
 def _table_items(table: Path) -> Iterator[PhotoItem]:
-    moments: dict[str, list[PhotoItem]] = {}
     for number, row in enumerate(_rows(table), start=1):
         if unknown := sorted(set(row) - set(_COLUMNS)):
             raise InputError(f"{table}: unknown column {quoted(unknown[0])}; a table may have {', '.join(_COLUMNS)}")
         try:
-            item = photo_of_row(row, table.parent)
+            yield photo_of_row(row, table.parent)
         except ValueError as error:
             raise InputError(f"{table}, row {number}: {error}") from error
-        if moment := _text(row.get("moment")):
-            moments.setdefault(moment, []).append(item)
-        else:
-            yield item
-    for moment, (first, *others) in moments.items():
-        if not others:
-            raise InputError(
-                f"{table}: only {_show(first.path)} is of the moment {quoted(moment)}: name another photo of it, or "
-                "leave the cell empty"
-            )
-        yield replace(first, id=moment, others=tuple(others))
 
 
 def photo_of_row(row: Mapping[str, Any], folder: str | os.PathLike[str] = "") -> PhotoItem:

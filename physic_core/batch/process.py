@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.batch.journal import PEOPLE_COLUMN
 from physic_core.batch.machine import peak_memory_mb
-from physic_core.batch.moments import reconstruct_moment
 from physic_core.batch.photos import PhotoItem, photo_folder
 from physic_core.batch.result_files import file_sizes_text, result_digest
 from physic_core.batch.settings import batch_config, config_digest, settings_digest
@@ -63,9 +62,8 @@ class BatchJob:
         return Saving.parse(self.save)
 
     def digest(self, item: PhotoItem) -> str:
-        """Return the digest of the settings that the result of a photo depends on, and of the others of its moment."""
-        others = [[other.path, other.stamp, dict(other.settings)] for other in item.others]
-        return settings_digest(self._tables_digest, {**item.settings, **({"moment": others} if others else {})})
+        """Return the digest of the settings that the result of a photo depends on."""
+        return settings_digest(self._tables_digest, item.settings)
 
     @cached_property
     def _tables_digest(self) -> str:
@@ -106,12 +104,8 @@ class PhotoProcessor:
         """
         start, item = time.perf_counter(), item.stamped()
         try:
-            beside: Mapping[str, bytes] = {}
-            if item.others:
-                result, beside = reconstruct_moment(item, self.job.config, self._reconstruct)
-            else:
-                result = self._reconstruct(item.path, item.settings)
-            self._save(result, item, beside)
+            result = self._reconstruct(item.path, item.settings)
+            self._save(result, item)
             files = file_sizes_text(
                 Path(self.job.out), photo_folder(item.id), self.job.saving, thumbnails=self.job.thumbnails
             )
@@ -135,7 +129,7 @@ class PhotoProcessor:
             PEOPLE_COLUMN: person_rows(result),
         }
 
-    def _save(self, result: Reconstruction, item: PhotoItem, beside: Mapping[str, bytes]) -> None:
+    def _save(self, result: Reconstruction, item: PhotoItem) -> None:
         out, folder = Path(self.job.out), photo_folder(item.id)
         save_reconstruction(
             result,
@@ -143,7 +137,6 @@ class PhotoProcessor:
             self.job.save,
             title=Path(item.path).name,
             overwrite=True,
-            beside=beside,
             earlier=item.replaces,
         )
         if self.job.thumbnails:

@@ -62,7 +62,6 @@ def batch(
     Run the same command again to resume. A photo that fails becomes a row of the journal with the reason.
     """
     from physic_core.batch.contact_sheet import check_contact_sheet, write_contact_sheet
-    from physic_core.batch.moments import require_moments
     from physic_core.batch.photos import Shard, list_photos
     from physic_core.batch.run import plan_batch, run_batch
     from physic_core.batch.table import choose_table, write_people_table, write_table
@@ -80,8 +79,6 @@ def batch(
     items = listed.photos
     if shard is not None:
         items = [item for item in items if item.id in part]
-    if any(item.others for item in items):
-        require_moments()
     job = _job(out, options, write=not dry_run)
     plan = plan_batch(items, job, retry_failed=options["retry"] is not None)
     todo = plan.todo[:limit]
@@ -89,7 +86,7 @@ def batch(
     echo("\n".join(filter(None, (listed.describe_skipped(), _describe(plan, len(items)) + now))), err=True)
     if dry_run:
         for item in todo:
-            echo("\n".join(one.path for one in (item, *item.others)))
+            echo(item.path)
         return
     from physic_core.cli.run import sigterm_as_exception
 

@@ -37,8 +37,6 @@ What else a plugin adds needs no hook. It is an entry point, whose value is impo
   :class:`physic_core.engine.settings.EngineSettings`.
 - ``physic.executors``: its name is a value of ``physic batch --executor``, and its value a function that gets
   :class:`physic_core.batch.executors.ExecutorSettings` and returns an :data:`physic_core.batch.run.Executor`.
-- ``physic.moments``: its value is a function that joins the results of photos of one moment, for ``physic batch``
-  (:func:`physic_core.batch.moments.reconstruct_moment`).
 - ``physic.pages``: its value is a function that makes ``report.html``, the page of a result
   (:func:`physic_core.visual.report.report_html`).
 

@@ -112,7 +112,7 @@ def import_target(found: Installed[Any], role: str) -> Any:
 
     Args:
         found: the record.
-        role: what the record is, for the message: "command", "energy", "executor", "exporter", "moment" or "page".
+        role: what the record is, for the message: "command", "energy", "executor", "exporter" or "page".
 
     Raises:
         PluginError: it cannot be imported.

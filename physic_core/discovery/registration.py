@@ -25,9 +25,8 @@ from physic_core.discovery.records import RECORD_HOOKS, BackendRecord
 PLUGINS_GROUP = "physic.plugins"
 ENERGIES_GROUP = "physic.energies"
 EXECUTORS_GROUP = "physic.executors"
-MOMENTS_GROUP = "physic.moments"
 PAGES_GROUP = "physic.pages"
-ENTRY_POINT_GROUPS = (PLUGINS_GROUP, ENERGIES_GROUP, EXECUTORS_GROUP, MOMENTS_GROUP, PAGES_GROUP)
+ENTRY_POINT_GROUPS = (PLUGINS_GROUP, ENERGIES_GROUP, EXECUTORS_GROUP, PAGES_GROUP)
 """All groups of entry points that are read; only modules of the first have hooks."""
 
 PLUGINS_VARIABLE = "PHYSIC_PLUGINS"

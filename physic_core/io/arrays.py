@@ -2,8 +2,7 @@
 
 Lengths are in metres. The frame is the OpenCV camera's (x right, y down, z forward). Pixel (0, 0) is the centre of the
 top left pixel. H and W are image rows and columns, F faces, V vertices, J keypoints, K shape components, E expression
-components, M floor points, P is 1 with a floor and 0 without one. Person ``i`` counts from 0. In a result of
-several photos, these also count from 0, and photo ``c`` has its own size Hc x Wc; the reference is photo 0.
+components, M floor points, P is 1 with a floor and 0 without one. Person ``i`` counts from 0.
 
 A new array is one line in a table here, a field of the dataclass that its ``attribute`` names, and one row of
 docs/file-format.md. Saving, loading, the smaller form and all checks read the tables.
@@ -11,8 +10,8 @@ docs/file-format.md. Saving, loading, the smaller form and all checks read the t
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
@@ -137,14 +136,6 @@ PERSON_ARRAYS: tuple[ArraySpec, ...] = (
 )
 """Specifications of the arrays of each person, stored as ``person_0_box``, ``person_1_box``, ..."""
 
-CAMERA_ARRAYS = tuple(spec for spec in SHARED_ARRAYS if spec.name == "image")
-"""Specifications of the arrays of each photo except the reference, stored as ``camera_1_image``, ..."""
-
-DETECTION_ARRAYS = tuple(
-    spec for spec in PERSON_ARRAYS if spec.name in ("box", "mask", "keypoints", "keypoint_confidence")
-)
-"""Specifications of the arrays of each person in such a photo, stored as ``camera_1_person_0_box``, ..."""
-
 _STORED_AS_IS = ("float32", "float64")
 
 
@@ -158,37 +149,15 @@ def to_arrays(reconstruction: Reconstruction) -> dict[str, AnyArray]:
         "skeleton": getattr(reconstruction.skeleton, "name", reconstruction.skeleton),
     }
     arrays: dict[str, AnyArray] = {}
-    others = list(enumerate(reconstruction.cameras))[1:]
-    detections = [(f"camera_{c}_person_{i}_", one) for c, camera in others for i, one in camera.people.items()]
     for prefix, owner, specs in (
         ("", reconstruction, SHARED_ARRAYS),
         *((f"person_{index}_", person, PERSON_ARRAYS) for index, person in enumerate(reconstruction.people)),
-        *((f"camera_{index}_", camera, CAMERA_ARRAYS) for index, camera in others),
-        *((prefix, detection, DETECTION_ARRAYS) for prefix, detection in detections),
     ):
         for spec in specs:
             value = attrgetter(spec.attribute)(owner) if spec.attribute else converted[spec.name]
             if value is not None or not spec.optional:
                 arrays[prefix + spec.name] = _stored(value, spec)
     return arrays
-
-
-def camera_specs(people: Sequence[Collection[int]]) -> tuple[ArraySpec, ...]:
-    """Return the specifications of the arrays of the other photos of a result, ``camera_1_image``, ...
-
-    Args:
-        people: indices of those in each photo, the reference first.
-    """
-    found = []
-    for camera, shown in enumerate(people[1:], start=1):
-        found += [_of_camera(spec, camera, "") for spec in CAMERA_ARRAYS]
-        found += [_of_camera(spec, camera, f"person_{index}_") for index in shown for spec in DETECTION_ARRAYS]
-    return tuple(found)
-
-
-def _of_camera(spec: ArraySpec, camera: int, prefix: str) -> ArraySpec:
-    shape = tuple(f"{size}{camera}" if size in ("H", "W") else size for size in spec.shape)
-    return replace(spec, name=f"camera_{camera}_{prefix}{spec.name}", shape=shape)
 
 
 def check_arrays(

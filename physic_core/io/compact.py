@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS, ArraySpec, camera_specs
+from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS, ArraySpec
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Container, Iterable, Sequence
+    from collections.abc import Container, Iterable
 
     from numpy.typing import NDArray
 
@@ -112,15 +112,12 @@ def expand_arrays(arrays: Arrays) -> Arrays:
     return found
 
 
-def array_specs(
-    arrays: Iterable[str], *, compact: bool, views: Sequence[Collection[int]] = ()
-) -> tuple[tuple[ArraySpec, ...], tuple[ArraySpec, ...]]:
+def array_specs(arrays: Iterable[str], *, compact: bool) -> tuple[tuple[ArraySpec, ...], tuple[ArraySpec, ...]]:
     """Return the specifications of the arrays of a file, shared ones and those of each person.
 
     Args:
         arrays: names of the arrays in the file.
         compact: whether it has the smaller form.
-        views: indices of the people in each photo of a result that has several, the reference first.
     """
     names = set(arrays)
     of_people = {match.string[match.end() :] for name in names if (match := _OF_PERSON.match(name))}
@@ -128,7 +125,7 @@ def array_specs(
     if compact and "scene_points" in names:
         shared = _OFF_RAYS
     return (
-        tuple(spec for spec in (*shared, *camera_specs(views)) if not spec.optional or spec.name in names),
+        tuple(spec for spec in shared if not spec.optional or spec.name in names),
         tuple(spec for spec in of_person if not spec.optional or spec.name in of_people),
     )
 

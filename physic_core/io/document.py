@@ -23,7 +23,7 @@ from physic_core.types import Skeleton
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from physic_core.types import CameraView, Person, Reconstruction
+    from physic_core.types import Person, Reconstruction
 
 SCHEMA_VERSION = 5
 """Version of documents that are written and read."""
@@ -61,7 +61,6 @@ def to_document(
         "intrinsics": to_record(reconstruction.intrinsics),
         "grade": reconstruction.grade,
         "lens": to_record(reconstruction.lens),
-        **_cameras(reconstruction.cameras),
         "checks": to_record(reconstruction.checks),
         "warnings": reconstruction.warnings,
         "notes": reconstruction.notes,
@@ -149,23 +148,6 @@ def _skeleton(skeleton: Skeleton | str) -> dict[str, Any]:
         return {"skeleton": skeleton}
     points = {"names": skeleton.names, "on_body": skeleton.on_body, "weights": skeleton.weights}
     return {"skeleton": skeleton.name, "skeleton_points": points}
-
-
-def _cameras(cameras: Sequence[CameraView]) -> dict[str, Any]:
-    """Return ``cameras`` of several photos; for the reference, all but the name is elsewhere in the document."""
-    others = [
-        {
-            "photo": camera.photo,
-            "intrinsics": to_record(camera.intrinsics),
-            "rotation": camera.rotation,
-            "translation": camera.translation,
-            "rotation_sigma": camera.rotation_sigma,
-            "position_sigma": camera.position_sigma,
-            "people": [{"index": index, "score": one.score} for index, one in camera.people.items()],
-        }
-        for camera in cameras[1:]
-    ]
-    return {"cameras": [{"photo": cameras[0].photo}, *others]} if cameras else {}
 
 
 def _person(index: int, person: Person) -> dict[str, Any]:

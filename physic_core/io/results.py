@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +13,6 @@ from physic_core.files.npz import MAX_ARRAY_BYTES, read_arrays, read_headers
 from physic_core.files.regular import open_regular
 from physic_core.files.strict_json import from_json
 from physic_core.io.arrays import (
-    CAMERA_ARRAYS,
-    DETECTION_ARRAYS,
     PERSON_ARRAYS,
     SHARED_ARRAYS,
     check_arrays,
@@ -40,10 +37,8 @@ from physic_core.types import (
     NO_PARTNER,
     BodyContact,
     BodyParameters,
-    CameraView,
     CheckResult,
     ContactPartner,
-    Detection,
     Grade,
     Intrinsics,
     Lens,
@@ -177,13 +172,8 @@ def _wanted(path: Path, headers: Mapping[str, ArrayHeader], document: Mapping[st
     people, image = len(document["people"]), document["image"]
     sizes = {"H": image["height"], "W": image["width"], "P": 0 if document["scene"]["floor"] is None else 1}
     is_of_people_alone = path.name == PEOPLE_FILE
-    views = [[one["index"] for one in camera.get("people", ())] for camera in document.get("cameras", ())]
-    if strangers := {index for view in views for index in view} - set(range(people)):
-        raise ValueError(f"{DOCUMENT_FILE} lists person {min(strangers)} in a photo, but has {people} people")
-    for number, camera in enumerate(document.get("cameras", ())[1:], start=1):
-        sizes |= {f"H{number}": camera["intrinsics"]["height"], f"W{number}": camera["intrinsics"]["width"]}
     compact = is_of_people_alone or is_compact(headers)
-    shared, of_person = array_specs(headers, compact=compact, views=views)
+    shared, of_person = array_specs(headers, compact=compact)
     if is_of_people_alone:
         shared = tuple(spec for spec in shared if is_kept_without_scene(spec.name))
     required = [spec.name for spec in shared]
@@ -223,7 +213,7 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
     scene = document["scene"]
     floor = scene["floor"]
     own, of_scene = _values(SHARED_ARRAYS, arrays), _values(SHARED_ARRAYS, arrays, "scene.")
-    result = Reconstruction(
+    return Reconstruction(
         **own,
         intrinsics=from_record(Intrinsics, document["intrinsics"]),
         scene=Scene(
@@ -246,31 +236,6 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
         unposed=from_records(UnposedPerson, document["unposed"]),
         lens=None if document["lens"] is None else from_record(Lens, document["lens"]),
         contact_partners=from_records(ContactPartner, document["contact_partners"]),
-    )
-    cameras = document.get("cameras", ())
-    others = [_camera(record, f"camera_{c}_", arrays) for c, record in enumerate(cameras) if c]
-    first = [result.reference_view(record["photo"]) for record in cameras[:1]]
-    return replace(result, cameras=(*first, *others)) if first else result
-
-
-def _camera(record: Mapping[str, Any], prefix: str, arrays: Mapping[str, NDArray[Any]]) -> CameraView:
-    """Return a photo other than the reference."""
-    rotation, translation = (np.array(from_json(record[name]), np.float64) for name in ("rotation", "translation"))
-    return CameraView(
-        **_values(CAMERA_ARRAYS, arrays, prefix=prefix),
-        photo=record["photo"],
-        intrinsics=from_record(Intrinsics, record["intrinsics"]),
-        rotation=rotation,
-        translation=translation,
-        rotation_sigma=from_json(record["rotation_sigma"]),
-        position_sigma=from_json(record["position_sigma"]),
-        people={
-            one["index"]: Detection(
-                **_values(DETECTION_ARRAYS, arrays, prefix=f"{prefix}person_{one['index']}_"),
-                score=from_json(one["score"]),
-            )
-            for one in record["people"]
-        },
     )
 
 

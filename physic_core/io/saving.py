@@ -133,14 +133,14 @@ class _Replaced:
 
 def _stored_arrays(reconstruction: Reconstruction, saving: Saving) -> _StoredArrays:
     """Return the arrays of a level, and how they are stored."""
-    arrays, views = to_arrays(reconstruction), [camera.people for camera in reconstruction.cameras]
+    arrays = to_arrays(reconstruction)
     if saving.is_exact:
-        return _StoredArrays(ARRAYS_FILE, arrays, array_specs(arrays, compact=False, views=views), "f")
+        return _StoredArrays(ARRAYS_FILE, arrays, array_specs(arrays, compact=False), "f")
     arrays = compact_arrays(arrays)
     if saving.level != "people":
-        return _StoredArrays(ARRAYS_FILE, arrays, array_specs(arrays, compact=True, views=views))
+        return _StoredArrays(ARRAYS_FILE, arrays, array_specs(arrays, compact=True))
     arrays = {name: array for name, array in arrays.items() if is_kept_without_scene(name)}
-    shared, of_person = array_specs(arrays, compact=True, views=views)
+    shared, of_person = array_specs(arrays, compact=True)
     return _StoredArrays(PEOPLE_FILE, arrays, (tuple(spec for spec in shared if spec.name in arrays), of_person))
 
 

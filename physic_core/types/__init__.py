@@ -15,7 +15,6 @@ from physic_core.types.contacts import NO_PARTNER, PARTNER_KINDS, BodyContact, C
 from physic_core.types.depth import AffineAmbiguity, DepthMap, Plane, Pointmap
 from physic_core.types.hints import Hints
 from physic_core.types.known_sizes import KnownLength, KnownSizes
-from physic_core.types.moment import MomentView, SkippedPhoto, SolvedCameras
 from physic_core.types.people import Keypoints, People, UnposedPerson
 from physic_core.types.prompt import PeoplePrompt
 from physic_core.types.records import CheckResult, CheckState, Grade, Provenance, StageRecord, summarize_checks
@@ -23,7 +22,6 @@ from physic_core.types.results import Person, Reconstruction, Scene
 from physic_core.types.skeletons import SKELETONS, Skeleton, skeleton_named
 from physic_core.types.support import Support, SupportState
 from physic_core.types.surfaces import SURFACE_NAMES, SurfaceLabels
-from physic_core.types.views import CameraView, Detection
 
 if TYPE_CHECKING:
     from physic_core.types.arrays import BoolArray as BoolArray
@@ -41,13 +39,11 @@ __all__ = [
     "BodyContact",
     "BodyParameters",
     "CameraTrust",
-    "CameraView",
     "CheckResult",
     "CheckState",
     "ContactPartner",
     "ContactProbability",
     "DepthMap",
-    "Detection",
     "Grade",
     "Hands",
     "Hints",
@@ -57,7 +53,6 @@ __all__ = [
     "KnownSizes",
     "Lens",
     "Mesh",
-    "MomentView",
     "People",
     "PeoplePrompt",
     "Person",
@@ -68,8 +63,6 @@ __all__ = [
     "RestMesh",
     "Scene",
     "Skeleton",
-    "SkippedPhoto",
-    "SolvedCameras",
     "StageRecord",
     "Support",
     "SupportState",

@@ -84,18 +84,6 @@ class Intrinsics:
 
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
-    def with_solved_focal(self, factor: float, sigma: float) -> Intrinsics:
-        """Return the camera with its focal length times a factor, as a bundle adjustment of several photos solves it.
-
-        Args:
-            factor: on ``fx`` and ``fy``.
-            sigma: standard deviation of the logarithm of the solved focal length.
-        """
-        solved = replace(self, fx=self.fx * factor, fy=self.fy * factor, focal_sigma=sigma)
-        if self.known:
-            return solved
-        return replace(solved, source="solved from several photos", trust=CameraTrust.ESTIMATED)
-
     def resized(self, width: int, height: int) -> Intrinsics:
         """Return the intrinsics for the same image resized to ``width`` x ``height`` px."""
         sx, sy = width / self.width, height / self.height

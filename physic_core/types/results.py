@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from physic_core.types.records import CheckResult, Grade, StageRecord
     from physic_core.types.skeletons import Skeleton
     from physic_core.types.support import Support
-    from physic_core.types.views import CameraView, Detection
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,7 @@ class Person(ShortRepr):
     Attributes:
         box: (4,) px, x0 y0 x1 y1.
         score: in [0, 1].
-        mask: (H, W) bool; empty, with a box of zeros, if only other photos of ``Reconstruction.cameras`` show them.
+        mask: (H, W) bool; empty, with a box of zeros, if the photo does not show them.
         keypoints: (J, 2) px.
         keypoint_confidence: (J,).
         parameters: a batch of one.
@@ -115,13 +114,6 @@ class Person(ShortRepr):
     age: float | None = None
     stature: float | None = None
 
-    @property
-    def detection(self) -> Detection:
-        """What the photo of the result shows of this person."""
-        from physic_core.types.views import Detection
-
-        return Detection(self.box, self.score, self.mask, self.keypoints, self.keypoint_confidence)
-
     def mesh(self) -> Any:
         """Return the body as a ``trimesh.Trimesh``, metres, camera frame (x right, y down, z forward).
 
@@ -146,7 +138,7 @@ class Person(ShortRepr):
 
 @dataclass(frozen=True)
 class Reconstruction(ShortRepr):
-    """People, scene and contacts of one photo, or of several of one moment, in the metric frame of one camera.
+    """People, scene and contacts of one photo, in the metric frame of its camera.
 
     Attributes:
         image: (H, W, 3) uint8 RGB, upright, as reconstructed.
@@ -169,8 +161,6 @@ class Reconstruction(ShortRepr):
         lens: camera of the photo file, if it has lens distortion, which ``image`` has not;
             ``lens.file_pixels(pixels, intrinsics)`` maps back. None without distortion.
         contact_partners: everything that people touch; ``Person.contact_partner`` has indices into it.
-        cameras: of all photos of a result that has several, the reference first, in whose frame everything is; empty
-            for a single photo.
     """
 
     image: UInt8Array
@@ -191,7 +181,6 @@ class Reconstruction(ShortRepr):
     lens: Lens | None = None
     unposed: tuple[UnposedPerson, ...] = ()
     contact_partners: tuple[ContactPartner, ...] = ()
-    cameras: tuple[CameraView, ...] = ()
 
     def __post_init__(self) -> None:
         people = tuple(replace(p, faces=self.faces) if p.faces is None else p for p in self.people)
@@ -209,7 +198,6 @@ class Reconstruction(ShortRepr):
         parts = (
             "1 person" if people == 1 else f"{people} people",
             *([f"{len(self.unposed)} without a body"] if self.unposed else []),
-            *([f"{len(self.cameras)} photos"] if self.cameras else []),
             f"{self.intrinsics.width} x {self.intrinsics.height}",
             "no floor" if self.scene.floor is None else "floor found",
             "scale of unknown error" if sigma is None else f"scale ±{100 * sigma:.0f} %",
@@ -230,19 +218,6 @@ class Reconstruction(ShortRepr):
 
         valid = self.scene.valid
         return trimesh.PointCloud(self.scene.points[valid], self.scene.colors[valid])
-
-    def reference_view(self, photo: str = "") -> CameraView:
-        """Return the camera that the result has its frame from, with the people whom its photo shows.
-
-        Args:
-            photo: its name.
-        """
-        import numpy as np
-
-        from physic_core.types.views import CameraView
-
-        people = {index: person.detection for index, person in enumerate(self.people) if person.mask.any()}
-        return CameraView(photo, self.image, self.intrinsics, np.eye(3), np.zeros(3), 0.0, 0.0, people)
 
     def summary(self) -> dict[str, float | int | str | None]:
         """Return a flat dictionary, as one row of a table: the grade and numbers, None where not measured.

@@ -20,7 +20,7 @@ from physic_core.errors import InputError
 from physic_core.geometry.upright import transform_points
 from physic_core.types.exports import ExportedFiles
 from physic_core.visual.export.floor import drawn_floor
-from physic_core.visual.export.request import ExportedCamera, ExportRequest, export_frame, exported_cameras
+from physic_core.visual.export.request import ExportRequest, camera_pose, export_frame
 from physic_core.visual.glb_builder import ARRAY, INDICES, GlbBuilder
 from physic_core.visual.palette import (
     BODY_RGB,
@@ -39,7 +39,7 @@ from physic_core.visual.textures.pictures import encode_image
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.types import Reconstruction, UInt8Array
+    from physic_core.types import Intrinsics, Reconstruction, UInt8Array
     from physic_core.visual.export.request import ExportFrame
     from physic_core.visual.textures.coordinates import TextureCoordinates
 
@@ -247,7 +247,7 @@ def build_glb(
     for index in request.people:
         nodes += _add_person(glb, index, request, skins.get(index), look(glb, index, request))
     if camera:
-        nodes += [_add_camera(glb, one) for one in exported_cameras(request)]
+        nodes.append(_add_camera(glb, result.intrinsics, camera_pose(frame)))
     extras = {
         "units": "metres",
         "axes": frame.axes,
@@ -391,23 +391,22 @@ def _add_floor(glb: GlbBuilder, background: _Background, request: ExportRequest)
     return [_add_mesh(glb, "floor", attributes, faces, Appearance(_FLOOR))]
 
 
-def _add_camera(glb: GlbBuilder, one: ExportedCamera) -> int:
-    """Add the camera of a photo, and return the index of its node."""
-    camera = one.intrinsics
+def _add_camera(glb: GlbBuilder, camera: Intrinsics, pose: NDArray[np.float64]) -> int:
+    """Add the camera of the photo at a pose (4, 4), and return the index of its node."""
     height, width = camera.height / camera.fy, camera.width / camera.fx
     perspective = {"yfov": 2 * math.atan(height / 2), "aspectRatio": width / height, "znear": 0.05, "zfar": 1000.0}
     entry = {
-        "name": one.photo,
+        "name": "photo",
         "type": "perspective",
         "perspective": perspective,
         "extras": {"intrinsics_px": camera.matrix.tolist(), "size_px": [camera.width, camera.height]},
     }
-    quaternion = Rotation.from_matrix(one.pose[:3, :3]).as_quat()
+    quaternion = Rotation.from_matrix(pose[:3, :3]).as_quat()
     node = {
-        "name": one.name,
+        "name": "camera",
         "camera": glb.add("cameras", entry),
         "rotation": quaternion.tolist(),
-        "translation": one.pose[:3, 3].tolist(),
+        "translation": pose[:3, 3].tolist(),
     }
     return glb.add("nodes", node)
 

@@ -21,7 +21,7 @@ from physic_core.visual.render import (
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.types import CameraView, Reconstruction, UInt8Array
+    from physic_core.types import Reconstruction, UInt8Array
     from physic_core.visual.orthographic_views import PreviewGeometry
 
     Array = NDArray[np.float64]
@@ -47,20 +47,16 @@ def photo_panel(image: UInt8Array, width: int, height: int) -> UInt8Array:
     return np.asarray(cv2.resize(image, (width, height), interpolation=way), np.uint8)
 
 
-def overlay_panel(
-    reconstruction: Reconstruction,
-    geometry: PreviewGeometry,
-    width: int,
-    height: int,
-    camera: CameraView | None = None,
-) -> UInt8Array:
-    """Draw the bodies over the photo, or over that of another camera; nearer ones hide farther ones."""
-    photo = photo_panel(reconstruction.image if camera is None else camera.image, width, height)
+def overlay_panel(reconstruction: Reconstruction, geometry: PreviewGeometry, width: int, height: int) -> UInt8Array:
+    """Draw the bodies over the photo; nearer ones hide farther ones."""
+    photo = photo_panel(reconstruction.image, width, height)
+    return bodies_over(photo, View.perspective(reconstruction.intrinsics, width, height), geometry)
+
+
+def bodies_over(photo: UInt8Array, view: View, geometry: PreviewGeometry) -> UInt8Array:
+    """Draw the bodies over a photo (H, W, 3) as a view of the same size shows them."""
     if geometry.people is None:
         return photo
-    view = View.perspective(reconstruction.intrinsics, width, height)
-    if camera is not None:
-        view = View.of_photo(camera, width, height)
     layer = render_mesh(geometry.people, view, geometry.people_colors)
     return _bytes(blend_over(layer, (photo / 255.0).astype(np.float32), _OPACITY))
 

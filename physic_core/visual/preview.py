@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,12 +15,11 @@ from PIL.PngImagePlugin import PngInfo
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.files.own import MARK
 from physic_core.geometry.upright import up_in_camera
-from physic_core.types import CameraView, summarize_checks
+from physic_core.types import summarize_checks
 from physic_core.types.metres_text import metres_text
 from physic_core.visual.orthographic_views import (
     PAGE_RGB,
     LabeledView,
-    PreviewGeometry,
     build_preview_geometry,
     side_view,
     top_view,
@@ -72,10 +71,7 @@ def preview_png(reconstruction: Reconstruction) -> bytes:
 
 
 def preview_image(reconstruction: Reconstruction) -> Image.Image:
-    """Render photo, overlay, depth, side view, top view and a table of people in one image, 1800 px wide.
-
-    A result of several photos has a row for each photo.
-    """
+    """Render photo, overlay, depth, side view, top view and a table of people in one image, 1800 px wide."""
     height, width = reconstruction.image.shape[:2]
     geometry = build_preview_geometry(reconstruction)
     room = _WIDTH - 2 * _MARGIN
@@ -87,8 +83,6 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
     frames = _layout(width / height, _MARGIN + 42 + 24 * len(facts) + 14)
     below = max(frame.y + frame.height for frame in frames) + 14
     table = people_table(reconstruction, room) if reconstruction.people else None
-    rows = _photo_rows(reconstruction, below)
-    below = max([below, *(row.y + row.height + 14 for row, _ in rows)])
     messages = below if table is None else below + _TITLE + table.height + 10
     page = Image.new("RGB", (_WIDTH, messages + _MARGIN + 24 * len(lines)), PAGE_RGB)
     pen = ImageDraw.Draw(page)
@@ -96,11 +90,10 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
     for line, fact in enumerate(facts):
         draw_text(pen, (_MARGIN, _MARGIN + 38 + 24 * line), fact, 17, SOFT_RGB)
     photo, mesh, depth, side, above = frames
-    name = reconstruction.cameras[0].photo if reconstruction.cameras else "Photo"
-    _draw_panel(page, photo, name, photo_panel(reconstruction.image, photo.width, photo.height))
+    _draw_panel(page, photo, "Photo", photo_panel(reconstruction.image, photo.width, photo.height))
     _draw_panel(page, mesh, "People over the photo", overlay_panel(reconstruction, geometry, mesh.width, mesh.height))
     draw_unposed(pen, reconstruction, mesh.x, mesh.y, mesh.width, mesh.height)
-    _name_people(pen, mesh, reconstruction, reconstruction.reference_view())
+    _name_people(pen, mesh, reconstruction)
     _draw_panel(page, depth, _DEPTH_TITLE, depth_panel(reconstruction, depth.width, depth.height))
     _depth_bar(page, depth, depth_range(reconstruction))
     up = "" if reconstruction.scene.floor else " (no floor found: up is the camera's)"
@@ -108,8 +101,6 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
     _draw_view(page, above, "From above", top_view(geometry, above.width, above.height))
     if geometry.crowns:
         pen.text((above.x + above.width, above.y - 8), _GREY, font=font(14), fill=SOFT_RGB, anchor="rs")
-    for frame, camera in rows:
-        _draw_photo(page, frame, camera, reconstruction, geometry)
     if table is not None:
         draw_text(pen, (_MARGIN, below), "Contact and checks", 18)
         _contact_legend(pen, (_MARGIN + font(18).getlength("Contact and checks") + 24, below + 6), reconstruction)
@@ -175,53 +166,14 @@ def _draw_panel(page: Image.Image, frame: _Frame, title: str, picture: UInt8Arra
     pen.rectangle((frame.x - 1, frame.y - 1, frame.x + frame.width, frame.y + frame.height), outline=(206, 206, 202))
 
 
-def _photo_rows(reconstruction: Reconstruction, top: int) -> list[tuple[_Frame, CameraView]]:
-    """Return the frame of each photo but the reference, one below the other from a row of px on."""
-    found, width = [], (_WIDTH - 2 * _MARGIN - 2 * _GAP) // 3
-    for camera in reconstruction.cameras[1:]:
-        aspect = camera.image.shape[1] / camera.image.shape[0]
-        height = min(_ROW, round(width / aspect))
-        found.append((_Frame(_MARGIN, top + _TITLE, max(round(height * aspect), 1), height), camera))
-        top += _TITLE + height + _GAP
-    return found
-
-
-def _draw_photo(
-    page: Image.Image, frame: _Frame, camera: CameraView, reconstruction: Reconstruction, geometry: PreviewGeometry
-) -> None:
-    """Draw a photo, the same with the people over it, and what is known of its camera."""
-    step = (_WIDTH - 2 * _MARGIN - 2 * _GAP) // 3 + _GAP
-    beside = replace(frame, x=frame.x + step)
-    _draw_panel(page, frame, camera.photo, photo_panel(camera.image, frame.width, frame.height))
-    over = overlay_panel(reconstruction, geometry, frame.width, frame.height, camera)
-    _draw_panel(page, beside, "People over the photo", over)
-    pen = ImageDraw.Draw(page)
-    _name_people(pen, beside, reconstruction, camera)
-    turn = math.degrees(float(np.arccos(np.clip((np.trace(camera.rotation) - 1) / 2, -1, 1))))
-    focal = math.sqrt(camera.intrinsics.fx * camera.intrinsics.fy)
-    lines = [
-        f"camera {np.linalg.norm(camera.centre):.2f} m ±{camera.position_sigma:.2f} m from the first",
-        f"turned by {turn:.0f}° ±{math.degrees(camera.rotation_sigma):.0f}°",
-        f"focal length {focal:.0f} px, {camera.intrinsics.source}",
-        f"people: {', '.join(map(str, camera.people)) or 'none'}",
-    ]
-    colors = [SOFT_RGB] * len(lines)
-    for check in reconstruction.checks:
-        if check.name == "view_keypoints" and check.title.endswith(f" in {camera.photo}"):
-            lines, colors = [*lines, str(check)], [*colors, ALERT_RGB if check.failed else SOFT_RGB]
-    spots = [(line, color) for text, color in zip(lines, colors, strict=True) for line in wrap(text, 17, step - _GAP)]
-    for row, (line, color) in enumerate(spots):
-        draw_text(pen, (frame.x + 2 * step, frame.y + 24 * row), line, 17, color)
-
-
-def _name_people(pen: ImageDraw.ImageDraw, frame: _Frame, reconstruction: Reconstruction, photo: CameraView) -> None:
-    """Draw the number of each person of a photo above their head, or beside it at the top edge."""
-    camera = View.of_photo(photo, frame.width, frame.height)
-    for index, seen in photo.people.items():
-        spots = camera.project(np.asarray(reconstruction.people[index].joints[[_HEAD, _NECK]], np.float64))
+def _name_people(pen: ImageDraw.ImageDraw, frame: _Frame, reconstruction: Reconstruction) -> None:
+    """Draw the number of each person of the photo above their head, or beside it at the top edge."""
+    camera = View.perspective(reconstruction.intrinsics, frame.width, frame.height)
+    for index, person in enumerate(reconstruction.people):
+        spots = camera.project(np.asarray(person.joints[[_HEAD, _NECK]], np.float64))
         column, row = spots[0, :2]
-        top = float(seen.box[1]) * frame.height / photo.image.shape[0] - 14
-        if not np.isfinite([column, row, top]).all():
+        top = float(person.box[1]) * frame.height / reconstruction.image.shape[0] - 14
+        if not person.mask.any() or not np.isfinite([column, row, top]).all():
             continue
         if top < 12:
             aside = max(28.0, 1.6 * float(np.linalg.norm(spots[0, :2] - spots[1, :2])))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.geometry.rays import RayCaster
-    from physic_core.types import CameraView, Intrinsics
+    from physic_core.types import Intrinsics
 
     Array = NDArray[np.float64]
     AnyFloat = NDArray[np.floating[Any]]
@@ -57,12 +57,6 @@ class View:
         camera = intrinsics.resized(width, height)
         focal, centre = np.array([camera.fx, camera.fy]), np.array([camera.cx, camera.cy])
         return cls(np.eye(3), np.zeros(3), focal, centre, (width, height), False)
-
-    @classmethod
-    def of_photo(cls, camera: CameraView, width: int, height: int) -> View:
-        """Return the camera of one of several photos, in the frame of the reference camera."""
-        own = cls.perspective(camera.intrinsics, width, height)
-        return replace(own, axes=np.asarray(camera.rotation, np.float64), origin=np.asarray(camera.centre, np.float64))
 
     @classmethod
     def orthographic(cls, axes: Array, middle: Array, scale: float, size: tuple[int, int], start: float = 50.0) -> View:

@@ -27,9 +27,9 @@ from physic_core.files.atomic import atomic_write
 from physic_core.io.results import load_reconstruction
 from physic_core.io.saved_files import Saving
 from physic_core.io.saving import save_reconstruction
-from physic_core.types import CameraView, Reconstruction
-from physic_scene.output import save_scene
-from physic_scene.types import SceneResult
+from physic_core.types import Reconstruction
+from physic_scene import output
+from physic_scene.types import SceneCamera, SceneResult, SolvedPhoto
 
 OLD, NEW = tiny_result(0), tiny_result(1)
 NEW = replace(NEW, people=NEW.people[:1], photo=OLD.photo, checks=())
@@ -49,6 +49,7 @@ def quick_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(glb, "glb_files", glb_files)
     monkeypatch.setattr(preview, "preview_png", lambda result: f"picture of {mark(result)}".encode())
+    monkeypatch.setattr(output, "photos_png", lambda scene: f"photos of {mark(scene.reconstruction)}".encode())
     page = f"<meta {report_file.PAGE_MARK}> page of "
     monkeypatch.setattr(report_file, "report_html", lambda result, title: page + mark(result))
 
@@ -67,10 +68,10 @@ def save_people(folder: Path, result: Reconstruction) -> None:
 
 def save_moment(folder: Path, result: Reconstruction) -> None:
     points, colors = np.full((4, 3), float(mark(result)), np.float32), np.zeros((4, 3), np.uint8)
-    camera = CameraView("photo.jpg", result.image, result.intrinsics, np.eye(3), np.zeros(3), 0.0, 0.0, {})
-    result = replace(result, cameras=(camera,))
-    moment = SceneResult(result, 0, (), (), (), points, colors, (), {"seed": mark(result)})
-    save_scene(moment, str(folder), overwrite=True, page=f"page of {mark(result)}")
+    camera = SceneCamera(np.eye(3), np.zeros(3), result.intrinsics, 0.0, 0.0)
+    photo = SolvedPhoto(0, "photo.jpg", camera, (), {}, 0.0, 1.0, result)
+    moment = SceneResult(result, 0, (photo,), (), (), points, colors, (), {"seed": mark(result)})
+    output.save_scene(moment, str(folder), overwrite=True, page=f"page of {mark(result)}")
 
 
 def add_page(folder: Path, result: Reconstruction) -> None:

@@ -64,24 +64,12 @@ def test_a_table_gives_cameras_statures_ages_and_ids(folder: Path):
     assert (second.id, third.settings) == (PhotoItem.at(folder / "a.PNG").id, {})
 
 
-def test_photos_of_one_moment_are_one_item(folder: Path):
-    (folder / "table.csv").write_text("path,stature,moment\nb.jpg,1.8,jump\ndeep/er/c.webp,,\na.PNG,1.7,jump\n")
-    single, jump = list_photos([str(folder / "table.csv")]).photos
-    assert single == PhotoItem.at(folder / "deep/er/c.webp")
-    assert (jump.id, jump.path, jump.settings) == ("jump", str(folder / "b.jpg"), {"stature": [1.8]})
-    assert [(one.path, one.settings) for one in jump.others] == [(str(folder / "a.PNG"), {"stature": [1.7]})]
-
-
 @pytest.mark.parametrize(
     ("rows", "message"),
     [
         (
-            "path,moment\nb.jpg,jump\na.PNG,\n",
-            "b.jpg is of the moment 'jump': name another photo of it, or leave the cell empty",
-        ),
-        (
             "file\nb.jpg\n",
-            "unknown column 'file'; a table may have path, camera, stature, age, depth, pointmap, id, moment",
+            "unknown column 'file'; a table may have path, camera, stature, age, depth, pointmap, id",
         ),
         ("path,id\n,x\n", ", row 1: the column 'path' is missing or empty"),
         (

@@ -30,11 +30,3 @@ def test_trust_is_stated_by_the_enum_or_its_value_and_kept_when_resized(trust: C
 def test_any_other_trust_is_refused():
     with pytest.raises(ValueError, match="'sure' is not a valid CameraTrust"):
         replace(Intrinsics.from_focal(500.0, 640, 480), trust="sure")
-
-
-@pytest.mark.parametrize("trust", CameraTrust)
-def test_a_solved_focal_length_makes_a_guess_an_estimate_and_leaves_a_known_camera_known(trust: CameraTrust):
-    camera = Intrinsics(500.0, 510.0, 319.5, 239.5, 640, 480, "a text", trust).with_solved_focal(1.1, 0.02)
-    assert (camera.fx, camera.fy, camera.focal_sigma) == (pytest.approx(550.0), pytest.approx(561.0), 0.02)
-    assert camera.trust is (CameraTrust.KNOWN if trust == "known" else CameraTrust.ESTIMATED)
-    assert (camera.source == "a text") is camera.known

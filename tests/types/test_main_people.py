@@ -1,13 +1,12 @@
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from physic_core.pipeline.checks.views import with_cameras
-from physic_core.types import CheckResult, CheckState, Grade, Reconstruction
+from physic_core.pipeline.checks.result import grade_photo
+from physic_core.types import CheckResult, CheckState, Grade
 from physic_core.types.main_people import main_people
 
 
@@ -24,14 +23,9 @@ def test_main_people_are_half_as_large_in_the_photo_as_the_largest(boxes: Any, m
 
 
 @pytest.mark.parametrize(("height", "grade"), [(49.0, Grade.DOUBTFUL), (50.0, Grade.BAD)])
-def test_the_grade_of_a_photo_is_that_of_its_main_people(
-    reconstruction: Reconstruction, height: float, grade: Grade
-) -> None:
+def test_the_grade_of_a_photo_is_that_of_its_main_people(height: float, grade: Grade) -> None:
     """A bad person counts if large enough; else the failed check of the photo decides."""
     floor = CheckResult("floor", CheckState.FAILED, 0.0, 0.15, "at least", "share", "")
-    first, second = reconstruction.people[:2]
-    people = (
-        replace(first, box=np.array([10.0, 0.0, 30.0, 100.0]), grade=Grade.GOOD),
-        replace(second, box=np.array([50.0, 0.0, 70.0, height]), grade=Grade.BAD),
-    )
-    assert with_cameras(replace(reconstruction, people=people, checks=(floor,)), ()).grade is grade
+    boxes = np.array([[10.0, 0.0, 30.0, 100.0], [50.0, 0.0, 70.0, height]])
+    grades = [[Grade.GOOD, Grade.BAD][i] for i in main_people(boxes)]
+    assert grade_photo([floor], grades) is grade

@@ -292,25 +292,3 @@ def test_triangles_that_may_each_cover_the_image_are_left_out():
     kept = prepare_meshes([vertices], faces, longest_edge=LONGEST_BODY_EDGE_M)
     assert kept.faces.tolist() == [[0, 1, 2]]
     assert prepare_meshes([1e3 * vertices], faces, longest_edge=LONGEST_BODY_EDGE_M) is None
-
-
-def test_the_bodies_are_where_another_camera_sees_them(several_photos):
-    camera = several_photos.cameras[2]
-    height, width = camera.image.shape[:2]
-    picture = overlay_panel(several_photos, build_preview_geometry(several_photos), width, height, camera)
-    rows, columns = np.nonzero(is_hue(picture, 1))
-    inside = camera.people[1].mask[rows, columns]
-    assert len(rows) > 100
-    assert inside.mean() > 0.95
-
-
-def test_each_of_several_photos_has_a_row_of_the_preview(several_photos):
-    alone = preview_image(replace(several_photos, cameras=()))
-    pages = [preview_image(replace(several_photos, cameras=several_photos.cameras[:count])) for count in (2, 3)]
-    heights = [page.height - alone.height for page in pages]
-    assert heights[0] > 400
-    assert heights[1] > heights[0] + 400
-    # All above the rows but the name of the first photo is as of one photo.
-    top = 500
-    one, several = (np.asarray(page)[130:top] for page in (alone, pages[0]))
-    assert (one == several).all()

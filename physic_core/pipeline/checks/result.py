@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from physic_core.pipeline.checks.specs import CHECKS
+from physic_core.pipeline.checks.specs import CHECKS, CheckSpec
 from physic_core.types import CheckResult, CheckState, Grade
 
 _WORST_FIRST = (Grade.BAD, Grade.DOUBTFUL, Grade.GOOD)
@@ -33,9 +33,15 @@ class Measurement:
     threshold: float | None = None
 
 
-def compare_with_threshold(found: Measurement, person: int | None = None) -> CheckResult:
-    """Compare a measurement with the threshold of its check; ``person`` is None for a check of the photo."""
-    check, value = CHECKS[found.name], found.value
+def compare_with_threshold(found: Measurement, person: int | None = None, spec: CheckSpec | None = None) -> CheckResult:
+    """Compare a measurement with the threshold of its check.
+
+    Args:
+        found: the measurement.
+        person: None for a check of the photo.
+        spec: of a check of a plugin.
+    """
+    check, value = spec or CHECKS[found.name], found.value
     bound = check.threshold if found.threshold is None else found.threshold
     if value is None or math.isnan(value):
         state, message, value = CheckState.UNKNOWN, f"not measured: {found.unmeasured}", None
@@ -96,8 +102,7 @@ def grade_photo(checks: Sequence[CheckResult], people: Sequence[Grade]) -> Grade
 
 
 def _grade(checks: Sequence[CheckResult]) -> Grade:
-    # One check that fails in several photos of a moment is one contradiction.
-    failures = [CHECKS[name].failure for name in {check.name for check in checks if check.failed}]
+    failures = [CHECKS[check.name].failure for check in checks if check.failed]
     if "bad" in failures or failures.count("contradiction") > 1:
         return Grade.BAD
     unknown = any(CHECKS[check.name].needed for check in checks if check.state is CheckState.UNKNOWN)

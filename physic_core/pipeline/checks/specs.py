@@ -25,7 +25,7 @@ class CheckSpec:
         threshold: the bound; an engine setting may replace it.
         unit: of threshold and value.
         share_of: what a value of unit "share" is a share of; "" if the label says it.
-        of: "photo" or "person"; "view" for each photo of a result that has several.
+        of: "photo" or "person".
         warns: whether a failed check is also a warning of the result.
         failure: what a failed check does to the grade.
         needed: whether the grade is doubtful if nothing was measured.
@@ -37,7 +37,7 @@ class CheckSpec:
     threshold: float
     unit: str
     share_of: str = ""
-    of: Literal["photo", "view", "person"] = field(kw_only=True)
+    of: Literal["photo", "person"] = field(kw_only=True)
     warns: bool = field(default=False, kw_only=True)
     failure: Failure = field(default="doubtful", kw_only=True)
     needed: bool = field(default=False, kw_only=True)
@@ -45,7 +45,6 @@ class CheckSpec:
 
 _SHARE, _YES = "share", "1: yes"
 _photo = partial(CheckSpec, of="photo", warns=True)
-_view = partial(CheckSpec, of="view", warns=True)
 _person = partial(CheckSpec, of="person", failure="contradiction")
 
 
@@ -70,15 +69,6 @@ _ALL = (
     # Straight edges are right to about a tenth; distances are off by the same share as the focal length.
     _photo("focal_agreement", "Backends differ in the focal length", "at most", 0.2, _SHARE),
     _photo("unposed_people", "People without a body", "at most", 0, "count"),
-    # Worlds 0.015-0.033, photos 0.035-0.044; 0.15 in a photo whose camera is 0.3 m off and whose people do not fit.
-    _view("view_keypoints", "Limbs off their keypoints", "at most", 0.06, _SHARE, "the box diagonal"),
-    # Of 30 pairs of photos of a rig, 20 have two or three people, and 29 of 30 wrong pairs of two rigs one.
-    _view("view_people", "People whom other photos show, too", "at least", 2, "count", failure="contradiction"),
-    # Half of the energy of a person in the solution of two photos, with the clothes: rigs 11-29, wrong pairs 17-47.
-    _view("view_agreement", "People unlike those of other photos", "at most", 28, "energy", failure="contradiction"),
-    _view("view_missing_person", "Person of other photos missing", "at most", 0, "count", failure="contradiction"),
-    # Rigs 0.05-0.56; 0.6-0.9 where a floor is wrong, 2.6 in a wrong pair.
-    _view("view_height", "Camera height over other floors, off", "at most", 0.6, "log", failure="contradiction"),
     _person("missing_outputs", "Backends without a result", "at most", 0, "count", failure="bad", warns=True),
     _person("placed", "Placed by keypoints, depth and floor", "at least", 1, _YES, needed=True, warns=True),
     _person("optimised", "Part of the joint fit", "at least", 1, _YES, warns=True),

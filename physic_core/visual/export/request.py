@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from physic_core.types import Intrinsics, Person, Plane, Reconstruction
+    from physic_core.types import Person, Plane, Reconstruction
 
 _Z_UP_FROM_Y_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 
@@ -41,23 +41,6 @@ class ExportFrame:
     def up_vector(self) -> NDArray[np.float64]:
         """Unit vector (3,) that points up in this frame; of a camera frame, the camera's up."""
         return np.array({"y": [0.0, 1.0, 0.0], "z": [0.0, 0.0, 1.0], "camera": [0.0, -1.0, 0.0]}[self.up])
-
-
-@dataclass(frozen=True)
-class ExportedCamera:
-    """The camera of a photo in a file.
-
-    Attributes:
-        name: "camera" of the reference, "camera_1", ... of further photos.
-        photo: name of the photo; "photo" where a result has one.
-        intrinsics: of the photo.
-        pose: (4, 4) as of :func:`camera_pose`.
-    """
-
-    name: str
-    photo: str
-    intrinsics: Intrinsics
-    pose: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -122,20 +105,3 @@ def export_frame(floor: Plane | None, up: str) -> ExportFrame:
 def camera_pose(frame: ExportFrame) -> NDArray[np.float64]:
     """Return the pose (4, 4) of a camera that looks along its -z with y up, as in glTF, USD and MuJoCo."""
     return frame.from_camera @ np.diag([1.0, -1.0, -1.0, 1.0])
-
-
-def exported_cameras(request: ExportRequest) -> list[ExportedCamera]:
-    """Return the cameras of all photos, the reference first."""
-    result, pose = request.result, camera_pose(request.frame)
-    others = [
-        ExportedCamera(
-            f"camera_{number}",
-            camera.photo,
-            camera.intrinsics,
-            request.frame.from_camera @ camera.pose @ np.diag([1.0, -1.0, -1.0, 1.0]),
-        )
-        for number, camera in enumerate(result.cameras)
-        if number
-    ]
-    photo = result.cameras[0].photo if result.cameras else "photo"
-    return [ExportedCamera("camera", photo, result.intrinsics, pose), *others]

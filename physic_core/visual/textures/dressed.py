@@ -171,8 +171,7 @@ def _light(result: Reconstruction) -> Array:
 
 def _size(result: Reconstruction, index: int) -> int:
     """Return the size of the texture of a person."""
-    masks = [view.people[index].mask for view in result.cameras if index in view.people]
-    tallest = max(map(_height, [result.people[index].mask, *masks]))
+    tallest = _height(result.people[index].mask)
     return next((size for size in SIZES if size >= tallest), SIZES[-1])
 
 

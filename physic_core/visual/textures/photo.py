@@ -1,4 +1,4 @@
-"""The colours that photos show at points of a body."""
+"""The colours that the photo shows at points of a body."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.geometry.rays import RayCaster
-from physic_core.types import CameraView
 from physic_core.visual.textures.raster import pad_texture
 
 if TYPE_CHECKING:
@@ -48,10 +47,10 @@ def caster_of_bodies(result: Reconstruction) -> RayCaster | None:
 def photo_colors(
     result: Reconstruction, index: int, points: Array, normals: Array, caster: RayCaster
 ) -> tuple[Array, Array, Array]:
-    """Return the colours of the photos at points of a person, each from the photo with the largest weight there.
+    """Return the colours of the photo at points of a person.
 
     Args:
-        result: of one photo or several.
+        result: of the photo.
         index: of the person.
         points: (n, 3) metres, on the body.
         normals: (n, 3) of any length.
@@ -60,16 +59,15 @@ def photo_colors(
     Returns:
         Colours (n, 3) sRGB 0-255, and their weights (n,) in 0-1: in the person's mask, and in the mask or near it.
     """
-    photo = np.zeros((len(points), 3))
-    seen, beside, weight = np.zeros((3, len(points)))
-    for view in result.cameras or (result.reference_view(),):
-        if index in view.people:
-            colors, own, near = _of_view(view, view.people[index].mask, points, normals, caster)
-            total = np.maximum(own, NEAREST_WEIGHT * near)
-            better = total > weight
-            photo[better], seen[better], beside[better] = colors[better], own[better], near[better]
-            weight[better] = total[better]
-    return photo, seen, beside
+    reach = np.linalg.norm(points, axis=1)
+    facing = -(normals * points).sum(1) / np.maximum(np.linalg.norm(normals, axis=1) * reach, 1e-12)
+    weight = _smooth((facing - NO_FACING) / (FULL_FACING - NO_FACING))
+    candidate = np.flatnonzero((weight > 0) & (points[:, 2] > 0))
+    distance = caster.first(np.zeros(3), points[candidate]).distance
+    visible = np.zeros(len(points), bool)
+    visible[candidate] = distance > 1 - HIDDEN_M / reach[candidate]
+    photo, shown, near = _sample(result, np.asarray(result.people[index].mask, bool), points)
+    return photo, weight * (visible & shown), weight * (visible & near)
 
 
 def _smooth(share: Array) -> Array:
@@ -77,25 +75,8 @@ def _smooth(share: Array) -> Array:
     return t * t * (3 - 2 * t)
 
 
-def _of_view(
-    camera: CameraView, mask: NDArray[np.bool_], points: Array, normals: Array, caster: RayCaster
-) -> tuple[Array, Array, Array]:
-    """Return what :func:`photo_colors` does of one photo."""
-    rays, local = points - camera.centre, np.asarray(camera.to_camera(points), np.float64)
-    reach = np.linalg.norm(rays, axis=1)
-    facing = -(normals * rays).sum(1) / np.maximum(np.linalg.norm(normals, axis=1) * reach, 1e-12)
-    weight = _smooth((facing - NO_FACING) / (FULL_FACING - NO_FACING))
-    candidate = np.flatnonzero((weight > 0) & (local[:, 2] > 0))
-    distance = caster.first(camera.centre, rays[candidate]).distance
-    visible = np.zeros(len(points), bool)
-    visible[candidate] = distance > 1 - HIDDEN_M / reach[candidate]
-    photo, shown, near = _sample(camera, np.asarray(mask, bool), local)
-    seen = weight * (visible & shown)
-    return photo, seen, weight * (visible & near)
-
-
 def _sample(
-    camera: CameraView, mask: NDArray[np.bool_], points: Array
+    result: Reconstruction, mask: NDArray[np.bool_], points: Array
 ) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
     """Return the photo's colours (n, 3) at points of its frame, and whether each is in the mask, and near to it.
 
@@ -114,9 +95,9 @@ def _sample(
     core = inner > min(RIM_SHARE * height, 0.5 * inner.max())
     outer = np.full(mask.shape, 1e6, np.float32)
     outer[window] = cv2.distanceTransform((~core).astype(np.uint8), cv2.DIST_L2, 5)
-    image = np.zeros(camera.image.shape, np.float32)
-    image[window] = pad_texture(camera.image[window], core)
-    pixels = points @ camera.intrinsics.matrix.T
+    image = np.zeros(result.image.shape, np.float32)
+    image[window] = pad_texture(result.image[window], core)
+    pixels = points @ result.intrinsics.matrix.T
     with np.errstate(divide="ignore", invalid="ignore"):
         x, y = (pixels[:, :2] / pixels[:, 2:]).T.astype(np.float32)
     place = (np.nan_to_num(x, nan=-9, posinf=-9, neginf=-9), np.nan_to_num(y, nan=-9, posinf=-9, neginf=-9))

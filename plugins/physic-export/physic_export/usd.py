@@ -12,7 +12,7 @@ import numpy as np
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.errors import PhysicError
 from physic_core.visual.export.floor import drawn_floor
-from physic_core.visual.export.request import exported_cameras
+from physic_core.visual.export.request import camera_pose
 from physic_core.visual.palette import BODY_RGB, FLOOR_RGB, contact_legend, linear_from_srgb
 from physic_core.visual.rig import rigs
 from physic_core.visual.surface import depth_limit, mesh_scene, unit_normals
@@ -25,7 +25,7 @@ from physic_export.usd_skeleton import add_skeleton
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.visual.export.request import ExportedCamera
+    from physic_core.types import Intrinsics
     from physic_core.visual.rig import Rig
 
 _APERTURE = 36.0
@@ -73,8 +73,7 @@ def export_usd(request: ExportRequest) -> ExportedFiles:
         if request.scene:
             pictures |= _add_scene(stage, request)
             _add_floor(stage, request)
-        for camera in exported_cameras(request):
-            _add_camera(stage, camera)
+        _add_camera(stage, request.result.intrinsics, camera_pose(frame))
         _add_gravity(stage, frame.up_vector)
         for name, content in pictures.items():
             (Path(folder) / name).write_bytes(content)
@@ -232,11 +231,10 @@ def _add_material(stage: Any, path: str, picture: str = "", color: tuple[int, in
     return material
 
 
-def _add_camera(stage: Any, one: ExportedCamera) -> None:
+def _add_camera(stage: Any, camera: Intrinsics, pose: NDArray[np.float64]) -> None:
     from pxr import Gf, UsdGeom
 
-    camera = one.intrinsics
-    made = UsdGeom.Camera.Define(stage, f"/physic/{one.name}")
+    made = UsdGeom.Camera.Define(stage, "/physic/camera")
     focal = _APERTURE * camera.fx / camera.width
     height = focal * camera.height / camera.fy
     made.CreateProjectionAttr(UsdGeom.Tokens.perspective)
@@ -247,7 +245,7 @@ def _add_camera(stage: Any, one: ExportedCamera) -> None:
     made.CreateVerticalApertureOffsetAttr(height * (camera.cy - (camera.height - 1) / 2) / camera.height)
     made.CreateClippingRangeAttr(Gf.Vec2f(0.05, 1000.0))
     # USD multiplies row vectors from the left.
-    made.AddTransformOp().Set(Gf.Matrix4d(*one.pose.T.reshape(-1).tolist()))
+    made.AddTransformOp().Set(Gf.Matrix4d(*pose.T.reshape(-1).tolist()))
 
 
 def _add_gravity(stage: Any, up: NDArray[np.float64]) -> None:

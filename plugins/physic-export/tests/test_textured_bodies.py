@@ -58,32 +58,6 @@ def test_a_person_without_a_mask_is_filled_everywhere(result: Reconstruction):
     assert textured.textures[0].filled.min() == 255
 
 
-def test_a_person_of_several_photos_has_the_colours_of_all(result: Reconstruction):
-    """Person 0 is red in the reference, and blue in a photo from behind, which alone shows person 1."""
-    first = replace(result, image=np.full_like(result.image, [200, 30, 30]))
-    hidden = replace(first.people[1], mask=np.zeros_like(first.people[1].mask))
-    first = replace(first, people=(first.people[0], hidden))
-    turn, middle = np.diag([-1.0, 1.0, -1.0]), result.people[0].joints[0].astype(np.float64)
-    seen = {i: replace(person.detection, mask=np.ones_like(person.mask)) for i, person in enumerate(result.people)}
-    behind = replace(
-        first.reference_view("behind.jpg"),
-        image=np.full_like(result.image, [20, 40, 220]),
-        rotation=turn,
-        translation=middle - turn @ middle,
-        people=seen,
-    )
-    several = replace(first, cameras=(first.reference_view("front.jpg"), behind))
-    own, other = textured_bodies(request_of(several), 256).textures.values()
-    assert other.shown > 0.05
-    assert np.abs(other.image.astype(int) - [20, 40, 220]).max() <= 3
-    mesh = several.people[0].mesh()
-    away = (mesh.vertex_normals * mesh.vertices).sum(1) / np.linalg.norm(mesh.vertices, axis=1)
-    shown = own.vertex_filled < 0.01
-    assert shown[away > 0.7].mean() > 0.4
-    np.testing.assert_allclose(own.vertex_colors[shown & (away > 0.5)].mean(0), [20, 40, 220], atol=20)
-    np.testing.assert_allclose(own.vertex_colors[shown & (away < -0.5)].mean(0), [200, 30, 30], atol=20)
-
-
 def test_bodies_of_another_mesh_have_no_texture(result: Reconstruction):
     person = replace(result.people[0], vertices=result.people[0].vertices[:100])
     with pytest.raises(InputError, match="13348 vertices"):

@@ -12,7 +12,8 @@ from physic_core.errors import InputError
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, IntArray, Reconstruction
     from physic_scene.people import PersonOfScene
-    from physic_scene.solved import ScenePhoto, SolvedScene
+    from physic_scene.photos import ScenePhoto
+    from physic_scene.solution import SolvedScene
 
 
 def check_ages(ages: Sequence[float], photo: str, result: Reconstruction | None) -> None:

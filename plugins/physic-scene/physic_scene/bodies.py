@@ -69,7 +69,6 @@ def mean_bodies(
     with torch.inference_mode():
         body = model(rotations, betas, betas.new_zeros(len(betas), 3))
         away = torch.from_numpy(bundle.points) - model.landmarks(body, people[0].skeleton)
-        weight, away = weight * away.isfinite().all(-1, keepdim=True), away.nan_to_num()
         transl = (away * weight).sum(1) / weight.sum(1)
         return MeanBodies(rotations, betas, transl.clone(), (body.joints + transl[:, None]).numpy())
 

@@ -21,15 +21,13 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import numpy as np
-from annotated_types import MaxLen, MinLen
 from scipy.sparse import coo_array, csc_array, csr_array, diags_array
 from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
-from physic_core.types.bounds import Positive, PositiveCount
 from physic_core.types.skeletons import SIDES
 from physic_scene.measured import KeypointErrors, measured_errors
 from physic_scene.rigid import CameraPose
@@ -41,6 +39,10 @@ if TYPE_CHECKING:
 _NEAREST_M = 0.1
 _FIXED = 1e-6  # standard deviation of a parameter that stays
 _KNOWN_FOCAL = 0.01  # standard deviation of the logarithm of a known focal length
+_ROTATION_STATED, _POSITION_STATED = 1.33, 0.71
+"""Factors on the standard deviations that follow from the curvature of the energy, which does not know that bodies of
+one photo err alike. They make them those of 26 pairs of photos of a rig; on the pairs that took no part, errors of
+rotations then are 1.1 and 1.2 of them, those of camera centres 1.1 and 1.0."""
 _BONES = (
     ("shoulder", "elbow"),
     ("elbow", "wrist"),
@@ -60,28 +62,19 @@ class BundleSettings:
             directions of twelve worlds, and makes the stated uncertainty theirs; 1.0 and 1.5 have larger ones.
         steps: most steps at each of ``rounds``.
         rounds: factors on ``outlier``, one after the other, so that a rough start can converge.
-        rotation_stated: factor on the standard deviations of rotations that follow from the curvature of the energy,
-            which does not know that bodies of one photo err alike. It makes them those of 26 pairs of photos of a rig;
-            on the pairs that took no part, errors then are 1.1 and 1.2 of them.
-        position_stated: the same for camera centres; 1.1 and 1.0.
-        known_keypoint: ``keypoint`` where cameras are known. The measured errors, of worlds, are those of people to
-            whom cameras are fitted; with 1, points of four photos follow bodies where keypoints know better. Of two
-            moments of a rig, 0.25 and 0.15 with 3 sigmas reproject best into a photo that is left out.
-        known_outlier: ``outlier`` where cameras are known.
     """
 
-    keypoint: Positive = 1.0
-    outlier: Positive = 0.7
-    steps: PositiveCount = 25
-    rounds: Annotated[tuple[Positive, ...], MinLen(1), MaxLen(8)] = (8.0, 3.0, 1.0)
-    rotation_stated: Positive = 1.33
-    position_stated: Positive = 0.71
-    known_keypoint: Positive = 0.25
-    known_outlier: Positive = 3.0
+    keypoint: float = 1.0
+    outlier: float = 0.7
+    steps: int = 25
+    rounds: tuple[float, ...] = (8.0, 3.0, 1.0)
 
-    def for_known_cameras(self) -> BundleSettings:
-        """Return the settings for the points of known cameras."""
-        return replace(self, keypoint=self.known_keypoint, outlier=self.known_outlier)
+
+SOLVED_CAMERAS = BundleSettings()
+KNOWN_CAMERAS = BundleSettings(keypoint=0.25, outlier=3.0)
+"""For the points of known cameras. The measured errors, of worlds, are those of people to whom cameras are fitted; with
+``keypoint`` 1, points of four photos follow bodies where keypoints know better. Of two moments of a rig, 0.25 and 0.15
+with 3 sigmas reproject best into a photo that is left out."""
 
 
 @dataclass(frozen=True)
@@ -254,7 +247,7 @@ def bones_of(names: Sequence[str]) -> IntArray:
 
 
 def adjust(
-    observations: MomentObservations, start: Bundle, reference: int, settings: BundleSettings = BundleSettings()
+    observations: MomentObservations, start: Bundle, reference: int, settings: BundleSettings = SOLVED_CAMERAS
 ) -> Bundle:
     """Return the cameras and points with the least energy near a start.
 
@@ -286,14 +279,14 @@ def adjust(
 
 
 def energy(
-    observations: MomentObservations, state: Bundle, reference: int, settings: BundleSettings = BundleSettings()
+    observations: MomentObservations, state: Bundle, reference: int, settings: BundleSettings = SOLVED_CAMERAS
 ) -> float:
     """Return the energy of cameras and points: twice the negative logarithm of their likelihood, up to a constant."""
     return _normal_equations(observations, state, reference, settings)[2]
 
 
 def uncertainties(
-    observations: MomentObservations, state: Bundle, reference: int, settings: BundleSettings = BundleSettings()
+    observations: MomentObservations, state: Bundle, reference: int, settings: BundleSettings = SOLVED_CAMERAS
 ) -> tuple[PoseUncertainty, ...]:
     """Return the standard deviations of each camera, from the curvature of the energy and the factors on them."""
     normal, _, _ = _normal_equations(observations, state, reference, settings)
@@ -307,8 +300,8 @@ def uncertainties(
         moves = np.hstack([state.rotation[v].T @ _cross(state.translation[v]), -state.rotation[v].T])
         found.append(
             PoseUncertainty(
-                settings.rotation_stated * float(np.sqrt(np.trace(own[:3, :3]))),
-                settings.position_stated * float(np.sqrt(max(np.trace(moves @ own @ moves.T), 0.0))),
+                _ROTATION_STATED * float(np.sqrt(np.trace(own[:3, :3]))),
+                _POSITION_STATED * float(np.sqrt(max(np.trace(moves @ own @ moves.T), 0.0))),
                 float(np.sqrt(covariance[6 * views + v, 6 * views + v])),
             )
         )

@@ -12,7 +12,6 @@ import click
 from physic_core.cli.arguments import configuration_options
 
 if TYPE_CHECKING:
-    from physic_core import Intrinsics
     from physic_scene.types import SceneResult
 
 
@@ -22,17 +21,11 @@ if TYPE_CHECKING:
 @click.option("--overwrite", is_flag=True, help="Replace another photo's result.")
 @configuration_options
 @click.option(
-    "--intrinsics",
-    metavar="fx,fy,cx,cy",
-    multiple=True,
-    help="Camera in px of the upright photo file, or - where unknown; once for each photo, in their order.",
-)
-@click.option(
     "--cameras",
     "calibration",
     metavar="FILE",
     type=click.Path(path_type=Path),
-    help="Calibrated cameras of some or all photos: TOML, Colmap's folder, Pose2Sim's TOML or CMU Panoptic's JSON.",
+    help="Cameras of some or all photos: TOML, Colmap's folder, Pose2Sim's TOML or CMU Panoptic's JSON.",
 )
 @click.option(
     "--camera-unit",
@@ -59,7 +52,6 @@ def scene(
     file: Path | None,
     preset: str | None,
     overrides: tuple[str, ...],
-    intrinsics: tuple[str, ...],
     calibration: Path | None,
     unit_m: float | None,
     stature: str | None,
@@ -68,11 +60,10 @@ def scene(
 ) -> None:
     """Reconstruct one moment from two to eight photos.
 
-    Writes the files of `physic run --save full` with all cameras and a row of the preview for each photo, moment.json
-    and scene_points.ply. The frame is that of the photo that shows most people.
+    Writes the files of `physic run --save full`, cameras.json, photos.png and scene_points.ply. The frame is that of
+    the photo that shows most people.
     """
     start = time.monotonic()
-    cameras = _cameras(intrinsics, len(photos))
     statures = _numbers(stature, "--stature") if stature is not None else ()
     ages = _numbers(age, "--age") if age is not None else ()
     from physic_core import KnownSizes, load_config
@@ -81,7 +72,7 @@ def scene(
     from physic_core.cli.result_summary import print_summary
     from physic_core.errors import InputError
     from physic_scene.calibration import read_calibration
-    from physic_scene.output import MOMENT_FILE, POINTS_FILE, save_scene
+    from physic_scene.output import FILES, save_scene
     from physic_scene.scene import ScenePipeline
 
     try:
@@ -91,7 +82,7 @@ def scene(
     if missing := [photo for photo in photos if not photo.exists()]:
         raise InputError(f"there is no file {missing[0]}: name two to eight photos of one moment")
     sizes, digests = _read(photos)
-    known_cameras = None if calibration is None else read_calibration(calibration, photos, sizes, unit_m)
+    cameras = None if calibration is None else read_calibration(calibration, photos, sizes, unit_m)
     all_photos = " ".join(digests)
 
     def progress(name: str, done: int, total: int) -> None:
@@ -99,12 +90,10 @@ def scene(
             echo(f"[{done + 1}/{total}] {name}", err=True)
 
     with (
-        reserve_folder(out, all_photos, overwrite=overwrite, beside=(MOMENT_FILE, POINTS_FILE)),
+        reserve_folder(out, all_photos, overwrite=overwrite, beside=FILES),
         ScenePipeline(load_config(file, preset=preset, overrides=overrides)) as solver,
     ):
-        result = solver(
-            photos, intrinsics=_sized(cameras, sizes), cameras=known_cameras, known=known, progress=progress
-        )
+        result = solver(photos, cameras=cameras, known=known, progress=progress)
         save_scene(result, str(out), overwrite=overwrite, page=_page(result, quiet=quiet), photos=all_photos)
     for one in result.left_out:
         echo(f"warning: {one.message}", err=True)
@@ -123,7 +112,7 @@ def _page(result: SceneResult, *, quiet: bool) -> str:
     from physic_core.visual.report import report_html
 
     try:
-        return report_html(result.reconstruction, result.reconstruction.cameras[0].photo)
+        return report_html(result.reconstruction, result.reference_photo.name)
     except PackageMissingError as error:
         if not quiet:
             echo(f"no page: {error}", err=True)
@@ -136,18 +125,6 @@ def _numbers(text: str, option: str) -> tuple[float, ...]:
         return tuple(float(part) for part in text.split(","))
     except ValueError as error:
         raise click.UsageError(f"{option} {text}: give numbers with commas between them") from error
-
-
-def _cameras(given: tuple[str, ...], photos: int) -> list[tuple[float, ...] | None]:
-    """Return fx, fy, cx, cy of each photo, None where unknown."""
-    if not given:
-        return [None] * photos
-    if len(given) != photos:
-        raise click.UsageError(f"--intrinsics: give it once for each of the {photos} photos, - where unknown")
-    found = [None if text == "-" else _numbers(text, "--intrinsics") for text in given]
-    if any(one is not None and len(one) != 4 for one in found):
-        raise click.UsageError("--intrinsics: give fx,fy,cx,cy in px, or -")
-    return found
 
 
 def _read(photos: tuple[Path, ...]) -> tuple[list[tuple[int, int]], set[str]]:
@@ -163,18 +140,6 @@ def _read(photos: tuple[Path, ...]) -> tuple[list[tuple[int, int]], set[str]]:
     return sizes, {part for photo in found for part in photo.digest.split()}
 
 
-def _sized(cameras: list[tuple[float, ...] | None], sizes: list[tuple[int, int]]) -> list[Intrinsics | None] | None:
-    """Return the cameras with the sizes of their photos, None if no camera is known."""
-    from physic_core import Intrinsics
-    from physic_core.types import CameraTrust
-
-    found: list[Intrinsics | None] = []
-    for camera, (width, height) in zip(cameras, sizes, strict=True):
-        fx, fy, cx, cy = camera or (1.0, 1.0, 0.0, 0.0)
-        found.append(Intrinsics(fx, fy, cx, cy, width, height, trust=CameraTrust.KNOWN) if camera else None)
-    return found if any(cameras) else None
-
-
 def _table(result: SceneResult) -> str:
     """Return a line for each photo, with its people as they are numbered in the saved result."""
     rows = [("photo", "people", "rotation +-", "position +-", "keypoints off")]
@@ -183,7 +148,7 @@ def _table(result: SceneResult) -> str:
         own, camera = photo.index == result.reference, photo.camera
         rows.append(
             (
-                camera.photo,
+                photo.name,
                 ", ".join(known),
                 "reference" if own else f"{math.degrees(camera.rotation_sigma):.1f} deg",
                 "reference" if own else f"{camera.position_sigma:.2f} m",

@@ -28,21 +28,10 @@ if TYPE_CHECKING:
 
 _LEAST_SLOPE = 0.15  # of a ray to the floor, at the horizon
 _MOST_MOVED = 1.6  # factor on a depth
-
-
-@dataclass(frozen=True)
-class KeypointSettings:
-    """Expected errors of the keypoints of all photos in stage 3, which include those of the cameras.
-
-    Attributes:
-        sigma: as a share of the stature in px.
-        outlier_sigmas: beyond this many sigmas, a keypoint counts as an outlier. The errors and the regularisation of
-            a single photo bend bodies until they fit cameras that do not agree: 35 instead of 31 mm PA-MPJPE on eight
-            worlds.
-    """
-
-    sigma: float = 0.02
-    outlier_sigmas: float = 1.5
+_KEYPOINT, _OUTLIER = 0.02, 1.5
+"""Expected errors of the keypoints of all photos in stage 3, which include those of the cameras, as a share of the
+stature in px, and how many of them make an outlier. The errors and the regularisation of a single photo bend bodies
+until they fit cameras that do not agree: 35 instead of 31 mm PA-MPJPE on eight worlds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,8 +134,8 @@ def require_default_engine(settings: EngineSettings) -> None:
         raise ConfigError("physic scene solves with engine.preset 'default': leave engine.preset out")
 
 
-def with_other_views(settings: EngineSettings, views: OtherViews, errors: KeypointSettings) -> EngineSettings:
-    """Return settings of preset "default" with other photos, and with these errors of keypoints.
+def with_other_views(settings: EngineSettings, views: OtherViews) -> EngineSettings:
+    """Return settings of preset "default" with other photos, and with the errors of their keypoints.
 
     Raises:
         ConfigError: the settings are of another preset.
@@ -157,7 +146,7 @@ def with_other_views(settings: EngineSettings, views: OtherViews, errors: Keypoi
     def taken(part: object) -> dict[str, object]:
         return {field.name: getattr(part, field.name) for field in fields(part)}  # type: ignore[arg-type]
 
-    keypoints = replace(settings.joint.reprojection, sigma=errors.sigma, outlier_sigmas=errors.outlier_sigmas)
+    keypoints = replace(settings.joint.reprojection, sigma=_KEYPOINT, outlier_sigmas=_OUTLIER)
     frozen = (*settings.joint.frozen, "scale") if views.known_scale else settings.joint.frozen
     joint = replace(settings.joint, reprojection=keypoints, frozen=frozen)
     placement = ViewsPlacement(**taken(settings.placement), views=views)  # type: ignore[arg-type]

@@ -20,8 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from physic_core.types.bounds import Degrees, NotNegative, Positive, PositiveCount
-from physic_scene.bundle import Bundle, BundleSettings, MomentObservations, adjust, energy
+from physic_scene.bundle import SOLVED_CAMERAS, Bundle, MomentObservations, adjust, energy
 from physic_scene.rigid import CameraPose, fit_rotation, rotation_angle_deg
 
 if TYPE_CHECKING:
@@ -30,40 +29,28 @@ if TYPE_CHECKING:
 
 _BODY = 22  # joints without hands and face
 _PELVIS = 0
-_CLOTHES = [0, 2, 3, 4]
+_PARTS_WITH_CLOTHES = [0, 2, 3, 4]
 """Rows of COLOUR_GROUPS: torso, upper arms, legs."""
 _UNLIKE = 1e3  # of a pair that no answer may have
 _SAME_PLACE = 9.0  # largest sum of squares of pose, place and turn, in their units, of one person
 
+# All below were chosen on three moments of a rig of five cameras.
+_WORTH = 40.0
+"""Half of the energy that one more matched person may cost. Of 30 pairs of photos, the second and third person of right
+answers cost 10 to 40. 25 and 40 join as many pairs by the right people, with 33 and with 55 right and 4 and 4 wrong
+people."""
+_CLOTHES = 3.0
+"""What a difference of the chroma of clothes costs, per CIELAB unit. With 3, 26 of 30 pairs of photos have the right
+people; without, 21."""
+_CLOTHES_MOST = 36.0
+"""Largest cost of the clothes of one person: that of 12 units, which light of two colours makes."""
+_POSE_M, _PLACE, _TURN_DEG = 0.15, 0.15, 25.0
+"""Differences that count as one unit in the order of the guesses: mean of 22 joints, of places as a share of the
+distance, and of turns."""
+_GUESSES = 8  # pairs of people of two photos that give a motion, the likeliest first
+_QUICK = replace(SOLVED_CAMERAS, rounds=SOLVED_CAMERAS.rounds[1:], steps=10)  # each answer starts near
+
 Pairs = tuple[tuple[int, int], ...]
-
-
-@dataclass(frozen=True)
-class MatchingSettings:
-    """Settings of the matching, chosen on three moments of a rig of five cameras.
-
-    Attributes:
-        worth: half of the energy that one more matched person may cost. Of 30 pairs of photos, the second and third
-            person of right answers cost 10 to 40. 25 and 40 join as many pairs by the right people, with 33 and with 55
-            right and 4 and 4 wrong people.
-        clothes: what a difference of the chroma of clothes costs, per CIELAB unit. With 3, 26 of 30 pairs of photos
-            have the right people; without, 21.
-        clothes_most: largest cost of the clothes of one person: that of 12 units, which light of two colours makes.
-        pose_m: mean difference of 22 joints that counts as one unit in the order of the guesses.
-        place: difference of places, as a share of the distance, that does.
-        turn_deg: difference of turns that does.
-        guesses: pairs of people of two photos that give a motion, the likeliest first.
-        steps: most steps of the adjustment of each answer, which starts near.
-    """
-
-    worth: NotNegative = 40.0
-    clothes: NotNegative = 3.0
-    clothes_most: NotNegative = 36.0
-    pose_m: Positive = 0.15
-    place: Positive = 0.15
-    turn_deg: Degrees = 25.0
-    guesses: PositiveCount = 8
-    steps: PositiveCount = 10
 
 
 @dataclass(frozen=True)
@@ -83,41 +70,28 @@ class PairMatch:
     odds: FloatArray
 
 
-def match_pair(
-    one: PhotoPeople,
-    two: PhotoPeople,
-    settings: MatchingSettings,
-    bundle: BundleSettings,
-) -> PairMatch:
+def match_pair(one: PhotoPeople, two: PhotoPeople) -> PairMatch:
     """Match the people of two photos."""
     pose, turns = compare_poses(one, two)
-    clothes = _clothes_cost(one, two, settings)
+    clothes = _clothes_cost(one, two)
     found: dict[Pairs, tuple[float, CameraPose]] = {}
-    for pairs in dict.fromkeys(_answers(one, two, pose, turns, clothes, settings)):
-        cost, motion = answer_cost(one, two, pairs, relative_motion(one, two, pairs), settings, bundle)
-        found[pairs] = settings.worth * len(pairs) - cost, motion
+    for pairs in dict.fromkeys(_answers(one, two, pose, turns, clothes)):
+        cost, motion = answer_cost(one, two, pairs, relative_motion(one, two, pairs))
+        found[pairs] = _WORTH * len(pairs) - cost, motion
     best = max(found, key=lambda pairs: found[pairs][0])
     return PairMatch(best, *found[best], _odds({p: score for p, (score, _) in found.items()}, pose.shape))
 
 
-def answer_cost(
-    one: PhotoPeople,
-    two: PhotoPeople,
-    pairs: Pairs,
-    motion: CameraPose,
-    settings: MatchingSettings,
-    bundle: BundleSettings,
-) -> tuple[float, CameraPose]:
+def answer_cost(one: PhotoPeople, two: PhotoPeople, pairs: Pairs, motion: CameraPose) -> tuple[float, CameraPose]:
     """Return what an answer costs, half of the energy of its people and their clothes, and its motion near a start."""
-    quick = replace(bundle, rounds=bundle.rounds[1:] or bundle.rounds, steps=settings.steps)
     seen = MomentObservations.of([one, two], np.array(pairs))
-    state = adjust(seen, Bundle.start(seen, [CameraPose.identity(), motion]), 0, quick)
-    clothes = _clothes_cost(one, two, settings)
-    return energy(seen, state, 0, quick) / 2 + float(sum(clothes[pair] for pair in pairs)), state.pose(1)
+    state = adjust(seen, Bundle.start(seen, [CameraPose.identity(), motion]), 0, _QUICK)
+    clothes = _clothes_cost(one, two)
+    return energy(seen, state, 0, _QUICK) / 2 + float(sum(clothes[pair] for pair in pairs)), state.pose(1)
 
 
-def _clothes_cost(one: PhotoPeople, two: PhotoPeople, settings: MatchingSettings) -> FloatArray:
-    cost: FloatArray = np.minimum(settings.clothes * clothes_apart(one, two), settings.clothes_most)
+def _clothes_cost(one: PhotoPeople, two: PhotoPeople) -> FloatArray:
+    cost: FloatArray = np.minimum(_CLOTHES * clothes_apart(one, two), _CLOTHES_MOST)
     return cost
 
 
@@ -131,23 +105,18 @@ def _odds(scores: Mapping[Pairs, float], shape: tuple[int, ...]) -> FloatArray:
 
 
 def _answers(
-    one: PhotoPeople,
-    two: PhotoPeople,
-    pose: FloatArray,
-    turns: FloatArray,
-    clothes: FloatArray,
-    settings: MatchingSettings,
+    one: PhotoPeople, two: PhotoPeople, pose: FloatArray, turns: FloatArray, clothes: FloatArray
 ) -> Iterator[Pairs]:
     """Yield answers: each guess alone, and with the people whom its motion brings together."""
     stature = np.abs(np.log(one.stature[:, None] / two.stature))
-    unlike = pose / settings.pose_m + stature / settings.place + clothes / max(settings.clothes_most, 1e-9)
-    for guess in np.argsort(unlike, axis=None, kind="stable")[: settings.guesses]:
+    unlike = pose / _POSE_M + stature / _PLACE + clothes / _CLOTHES_MOST
+    for guess in np.argsort(unlike, axis=None, kind="stable")[:_GUESSES]:
         i, j = (int(k) for k in np.unravel_index(guess, unlike.shape))
         pairs: Pairs = ((i, j),)
         yield pairs
         for _ in range(2):
             place, turn = compare_places(one, two, relative_motion(one, two, pairs), turns)
-            apart = (place / settings.place) ** 2 + (turn / settings.turn_deg) ** 2 + (pose / settings.pose_m) ** 2
+            apart = (place / _PLACE) ** 2 + (turn / _TURN_DEG) ** 2 + (pose / _POSE_M) ** 2
             apart[i], apart[:, j] = _UNLIKE, _UNLIKE
             apart[i, j] = 0
             chosen = zip(*linear_sum_assignment(np.minimum(apart, _SAME_PLACE)), strict=True)
@@ -231,7 +200,7 @@ def compare_poses(one: PhotoPeople, two: PhotoPeople) -> tuple[FloatArray, Float
 
 def clothes_apart(one: PhotoPeople, two: PhotoPeople) -> FloatArray:
     """Return the mean difference (N, M) of the chroma of clothes, CIELAB; 0 where no part is seen in both photos."""
-    a, b = (people.colours[:, _CLOTHES, 1:] for people in (one, two))
+    a, b = (people.colours[:, _PARTS_WITH_CLOTHES, 1:] for people in (one, two))
     away = np.linalg.norm(a[:, None] - b[None], axis=-1)
     seen = np.isfinite(away)
     mean: FloatArray = np.where(seen, away, 0).sum(-1) / np.maximum(seen.sum(-1), 1)

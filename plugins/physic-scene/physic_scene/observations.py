@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
 import torch
 
-from physic_core.body.convert.bodies import convert_bodies
 from physic_core.body.landmarks import keypoints_on_body
 from physic_core.body.parameters import rotations_from_parameters
-from physic_core.types import CameraTrust
+from physic_core.types import CameraTrust, Keypoints
 from physic_scene.measured import measured_errors
 from physic_scene.rigid import CameraPose
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
-    from physic_core.types import BoolArray, FloatArray, Intrinsics, MomentView, Skeleton
+    from physic_core.types import BoolArray, FloatArray, Intrinsics, Reconstruction, Skeleton
 
 COLOUR_GROUPS = (
     ("torso",),
@@ -77,29 +77,52 @@ class PhotoPeople:
         return len(self.points)
 
 
-def observe(view: MomentView, model: BodyModel) -> PhotoPeople:
+def observe(
+    result: Reconstruction,
+    rows: Sequence[int],
+    model: BodyModel,
+    statures: FloatArray,
+    pose: FloatArray | None = None,
+) -> PhotoPeople:
     """Return what one photo says about its people.
 
     Args:
-        view: the photo; bodies of another body model are converted.
-        model: body model, float64.
+        result: of the photo alone.
+        rows: (N,) index of each person who has a body.
+        model: body model of the result, float64.
+        statures: (N,) known heights, metres, NaN where unknown.
+        pose: (4, 4) from the frame of its camera to that of a calibrated rig, metres; None where unknown.
     """
-    found = keypoints_on_body(view.keypoints)
-    parameters = convert_bodies(view.bodies, model).parameters
+    people, camera, floor = [result.people[i] for i in rows], result.intrinsics, result.scene.floor
+
+    def stack(values: list[Any], *shape: int) -> Any:
+        return np.stack(values) if values else np.zeros((0, *shape))
+
+    keypoints = Keypoints(
+        stack([person.keypoints for person in people], 17, 2),
+        stack([person.keypoint_confidence for person in people], 17),
+        result.skeleton if people else "coco17",
+    )
+    found = keypoints_on_body(keypoints)
+    rotations, betas, transl = model.zero_pose(0)
+    if people:
+        rotations = torch.cat([rotations_from_parameters(p.parameters, dtype=torch.float64) for p in people])
+        betas, transl = (
+            torch.from_numpy(np.concatenate([getattr(p.parameters, name) for p in people]).astype(np.float64))
+            for name in ("betas", "transl")
+        )
     with torch.inference_mode():
-        rotations = rotations_from_parameters(parameters, dtype=torch.float64)
-        betas, transl = (torch.from_numpy(np.asarray(x, np.float64)) for x in (parameters.betas, parameters.transl))
         body = model(rotations, betas, transl)
         landmarks = model.landmarks(body, found.joint_set).numpy()
         stature = model.stature(betas).numpy()
-    size = np.array([view.intrinsics.width, view.intrinsics.height])
+    size = np.array([camera.width, camera.height])
     inside = ((found.points > -0.5) & (found.points < size - 0.5)).all(-1)
     finite = np.isfinite(found.points).all(-1) & np.isfinite(found.confidence)
     joints, vertices = body.joints.numpy(), body.vertices.numpy()
-    colours = [_colours(view, vertices[i], view.people.masks[i], model) for i in range(len(vertices))]
+    colours = [_colours(result, vertices[i], person.mask, model) for i, person in enumerate(people)]
     return PhotoPeople(
-        K=view.intrinsics.matrix,
-        focal_sigma=_focal_sigma(view.intrinsics),
+        K=camera.matrix,
+        focal_sigma=_focal_sigma(camera),
         skeleton=found.joint_set,
         points=np.nan_to_num(np.asarray(found.points, np.float64)),
         confidence=np.where(inside & finite, found.confidence, 0.0),
@@ -109,10 +132,10 @@ def observe(view: MomentView, model: BodyModel) -> PhotoPeople:
         betas=betas.numpy(),
         stature=stature,
         colours=np.array(colours).reshape(-1, len(COLOUR_GROUPS), 3),
-        size_px=view.intrinsics.fy * stature / np.maximum(joints[:, 0, 2], 0.1),
-        up=np.full(3, np.nan) if view.floor is None else np.asarray(view.floor.normal, np.float64),
-        known_stature=np.asarray(view.statures, np.float64),
-        pose=None if view.pose is None else CameraPose(view.pose[:3, :3], view.pose[:3, 3]).inverse(),
+        size_px=camera.fy * stature / np.maximum(joints[:, 0, 2], 0.1),
+        up=np.full(3, np.nan) if floor is None else np.asarray(floor.normal, np.float64),
+        known_stature=statures,
+        pose=None if pose is None else CameraPose(pose[:3, :3], pose[:3, 3]).inverse(),
     )
 
 
@@ -126,9 +149,9 @@ def _focal_sigma(camera: Intrinsics) -> float:
     return _GUESSED_FOCAL if camera.trust is CameraTrust.GUESSED else estimated
 
 
-def _colours(view: MomentView, vertices: FloatArray, mask: BoolArray, model: BodyModel) -> FloatArray:
+def _colours(result: Reconstruction, vertices: FloatArray, mask: BoolArray, model: BodyModel) -> FloatArray:
     """Return the mean CIELAB (G, 3) of a person's body parts: of the pixels of the mask (H, W) under each part."""
-    K = view.intrinsics.matrix
+    K = result.intrinsics.matrix
     uv = np.round((vertices @ K.T)[:, :2] / np.maximum(vertices[:, 2:], 1e-3)).astype(int)
     height, width = mask.shape
     inside: BoolArray = ((uv >= 0) & (uv < [width, height])).all(1) & (vertices[:, 2] > 0.1)
@@ -141,7 +164,7 @@ def _colours(view: MomentView, vertices: FloatArray, mask: BoolArray, model: Bod
     means = np.full((len(COLOUR_GROUPS), 3), np.nan)
     if not own.any():
         return means
-    seen = np.asarray(view.image)[None, uv[own, 1], uv[own, 0]]
+    seen = np.asarray(result.image)[None, uv[own, 1], uv[own, 0]]
     lab = cv2.cvtColor(seen.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
     part = model.part_of_vertex.numpy()[own]
     for row, names in enumerate(COLOUR_GROUPS):

@@ -1,9 +1,9 @@
-"""Files of a scene: the result with all cameras, what is known of the moment beside it, and the merged points."""
+"""Files of a scene: the result, its cameras and who is who, a picture of all photos, and the merged points."""
 
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import trimesh
@@ -11,15 +11,20 @@ import trimesh
 from physic_core import save_reconstruction
 from physic_core.files.strict_json import to_json
 from physic_core.io.people_table import people_csv
+from physic_scene.picture import photos_png
 
 if TYPE_CHECKING:
     from physic_scene.types import SceneResult
 
-MOMENT_FILE, POINTS_FILE, PEOPLE_TABLE, REPORT_FILE = "moment.json", "scene_points.ply", "people.csv", "report.html"
+CAMERAS_FILE, PICTURE_FILE, POINTS_FILE = "cameras.json", "photos.png", "scene_points.ply"
+PEOPLE_TABLE, REPORT_FILE = "people.csv", "report.html"
+FILES = (CAMERAS_FILE, PICTURE_FILE, POINTS_FILE)
+
+_PINHOLE = ("fx", "fy", "cx", "cy", "width", "height", "focal_sigma")
 
 
 def save_scene(scene: SceneResult, folder: str, *, overwrite: bool = False, page: str = "", photos: str = "") -> None:
-    """Write the files of ``Reconstruction.save``, with ``people.csv``, ``moment.json`` and ``scene_points.ply``.
+    """Write the files of ``Reconstruction.save``, ``people.csv``, and ``FILES``.
 
     Args:
         scene: what to write.
@@ -31,47 +36,37 @@ def save_scene(scene: SceneResult, folder: str, *, overwrite: bool = False, page
     Raises:
         OutputError: the folder cannot be written, or a file of the user's would be lost.
     """
-    cloud = trimesh.PointCloud(scene.points, scene.colors).export(file_type="ply")
-    beside = {MOMENT_FILE: moment_json(scene).encode(), POINTS_FILE: cloud}
-    beside[PEOPLE_TABLE] = people_csv(scene.reconstruction, scene.reconstruction.cameras[0].photo)
+    beside = {
+        CAMERAS_FILE: cameras_json(scene).encode(),
+        PICTURE_FILE: photos_png(scene),
+        POINTS_FILE: trimesh.PointCloud(scene.points, scene.colors).export(file_type="ply"),
+        PEOPLE_TABLE: people_csv(scene.reconstruction, scene.reference_photo.name),
+    }
     beside |= {REPORT_FILE: page.encode()} if page else {}
     save_reconstruction(scene.reconstruction, folder, overwrite=overwrite, beside=beside, photos=photos)
 
 
-def moment_json(scene: SceneResult) -> str:
-    """Return the text of ``moment.json``."""
-    return json.dumps(moment_document(scene), indent=1) + "\n"
-
-
-def moment_document(scene: SceneResult) -> dict[str, Any]:
-    """Return what ``moment.json`` holds; docs/scene.md states its keys."""
-    in_order = sorted(scene.photos, key=lambda photo: photo.index != scene.reference)
+def cameras_json(scene: SceneResult) -> str:
+    """Return the text of ``cameras.json``; docs/scene.md states its keys."""
     photos = [
         {
+            "photo": photo.name,
             "index": photo.index,
+            "intrinsics": {name: getattr(photo.camera.intrinsics, name) for name in _PINHOLE},
+            "rotation": photo.camera.rotation.tolist(),
+            "translation": photo.camera.translation.tolist(),
+            "rotation_sigma": photo.camera.rotation_sigma,
+            "position_sigma": photo.camera.position_sigma,
             "people": list(photo.people),
             "reprojection_share": photo.reprojection if np.isfinite(photo.reprojection) else None,
             "scene_scale": photo.scene_scale,
         }
-        for photo in in_order
+        for photo in sorted(scene.photos, key=lambda photo: photo.index != scene.reference)
     ]
-    people = [
-        {
-            "views": list(person.views),
-            "row": person.row,
-            "moved": person.moved,
-        }
-        for person in scene.people
-    ]
-    left_out = [{"photo": one.photo, "index": one.index, "reason": one.reason} for one in scene.left_out]
-    document: dict[str, Any] = to_json(
-        {
-            "version": 1,
-            "photos": photos,
-            "people": people,
-            "left_out": left_out,
-            "diagnostics": scene.diagnostics,
-        },
-        digits=7,
-    )
-    return document
+    document = {
+        "photos": photos,
+        "people": [{"views": list(one.views), "row": one.row, "moved": one.moved} for one in scene.people],
+        "left_out": [{"photo": one.photo, "index": one.index, "reason": one.reason} for one in scene.left_out],
+        "diagnostics": scene.diagnostics,
+    }
+    return json.dumps(to_json(document), indent=1) + "\n"

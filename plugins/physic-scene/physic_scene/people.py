@@ -16,7 +16,8 @@ from physic_scene.matching import compare_places
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import BodyParameters, IntArray
-    from physic_scene.solved import ScenePhoto, SolvedScene
+    from physic_scene.photos import ScenePhoto
+    from physic_scene.solution import SolvedScene
 
 
 _SAME_PLACE = 0.3  # distance of two people who may be one, as a share of their distance from the cameras
@@ -24,7 +25,7 @@ _SAME_PLACE = 0.3  # distance of two people who may be one, as a share of their 
 
 @dataclass(frozen=True)
 class PersonOfScene(ShortRepr):
-    """One person of the result; photos are indices into ``ChosenPhotos.photos``.
+    """One person of the result; photos are indices into ``SolvedScene.photos``.
 
     Attributes:
         number: in ``SceneResult.people``; None for a person whom the reference photo alone shows.

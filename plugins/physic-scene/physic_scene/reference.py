@@ -28,7 +28,7 @@ from physic_core.types import (
 )
 from physic_core.types.per_person import select_people
 from physic_core.types.short_repr import ShortRepr
-from physic_scene.energy import KeypointSettings, OtherViews, with_other_views
+from physic_scene.energy import OtherViews, with_other_views
 from physic_scene.given import SolvedBodies, SolvedDepth
 
 if TYPE_CHECKING:
@@ -39,7 +39,8 @@ if TYPE_CHECKING:
     from physic_core.pipeline.estimate import Estimates
     from physic_core.types import BoolArray, FloatArray, IntArray, Reconstruction
     from physic_scene.people import PersonOfScene
-    from physic_scene.solved import ScenePhoto, SolvedScene
+    from physic_scene.photos import ScenePhoto
+    from physic_scene.solution import SolvedScene
 
 _ON_FLOOR_M = 0.25  # largest height of the lowest point of a person who may stand on the floor
 _STAND_M = 0.03  # error of that point
@@ -84,7 +85,7 @@ class ReferenceInput(ShortRepr):
         result = photos[v].result
         scale = scene_scales(solved)[v]
         depth = np.where(result.scene.valid, scale * result.scene.points[..., 2], np.nan).astype(np.float32)
-        sigma = None if solved.scale_sigma is None else max(solved.scale_sigma, _KNOWN_SCALE)
+        sigma = max(solved.scale_sigma, _KNOWN_SCALE)
         parts = [person.parameters for person in people]
         parameters = BodyParameters(
             **{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])}
@@ -158,13 +159,12 @@ class ReferenceInput(ShortRepr):
         )
 
 
-def solve_reference(given: ReferenceInput, config: Config, errors: KeypointSettings) -> Reconstruction:
+def solve_reference(given: ReferenceInput, config: Config) -> Reconstruction:
     """Run the pipeline on the reference photo, with the bodies and the depth of all photos.
 
     Args:
         given: what all photos show.
         config: of the photos alone; its table ``[photo]`` was used there, and is not used again.
-        errors: of keypoints.
     """
     plain = config.model_copy(update={"photo": type(config.photo)()})
     own_bodies = select_people(given.bodies, np.arange(len(given.result.people)))
@@ -174,7 +174,7 @@ def solve_reference(given: ReferenceInput, config: Config, errors: KeypointSetti
         depth = replace(depth, depth=depth.depth[inside], intrinsics=camera)
     backends = {"body_estimator": SolvedBodies.of(own_bodies), "metric_depth": SolvedDepth.of(depth)}
     plan = resolve(plain, discover(), backends)
-    own = replace(plan, given_engine=with_other_views(plan.engine, given.alone, errors))
+    own = replace(plan, given_engine=with_other_views(plan.engine, given.alone))
     prompt = None
     if config.photo.person or config.photo.box or config.photo.masks:
         prompt = PeoplePrompt(masks=np.stack([person.mask for person in given.result.people]))

@@ -8,77 +8,68 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core import with_cameras
-from physic_core.types import CameraView
 from physic_scene.reference import scene_scales
-from physic_scene.types import ScenePerson, SceneResult, SolvedPhoto
-from physic_scene.verdict import SolvedView, view_contradictions
+from physic_scene.rigid import CameraPose
+from physic_scene.types import SceneCamera, ScenePerson, SceneResult, SolvedPhoto
+from physic_scene.verdict import SolvedView, checks_of_cameras, checks_of_keypoints, with_checks
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Reconstruction, UInt8Array
     from physic_scene.people import PersonOfScene
-    from physic_scene.settings import MomentSettings
-    from physic_scene.solved import ScenePhoto, SolvedScene
+    from physic_scene.photos import ScenePhoto
+    from physic_scene.solution import SolvedScene
 
 _POINTS = 60_000  # of the scene of each photo
 
 
-def assemble(
-    solved: SolvedScene, everybody: Sequence[PersonOfScene], reconstruction: Reconstruction, settings: MomentSettings
-) -> SceneResult:
+def assemble(solved: SolvedScene, everybody: Sequence[PersonOfScene], reconstruction: Reconstruction) -> SceneResult:
     """Return the result.
 
     Args:
         solved: cameras and people.
         everybody: the people of the reconstruction.
         reconstruction: in the frame of the reference photo.
-        settings: of all steps.
     """
     factor = reconstruction.scene.scale  # of the joint solution, which cameras and scene share
     scales = scene_scales(solved) * factor
     solved = replace(solved, bundle=solved.bundle.scaled(factor))
-    photos, v = solved.photos, solved.reference
-    own_photos = _photos(solved, everybody, reconstruction, scales)
-    people = _people(photos, everybody, reconstruction)
-    measured = view_contradictions(_solved_views(solved), solved.rows, settings)
-    # The reference is the first camera of a reconstruction.
-    cameras = sorted((photo.camera for photo in own_photos), key=lambda camera: camera.photo != photos[v].name)
-    reconstruction = with_cameras(reconstruction, cameras, measured)
-    points, colors = _merged_points(reconstruction, own_photos, photos[v].index)
-    names = {photo.index: photo.name for photo in photos}
-    own = photos[v]
-    moved = [_move(one, names) for one in people if one.moved]
-    others = [_not_shown(one, own.name, names) for one in people if own.index not in one.views]
-    shared = "1 person" if len(solved.rows) == 1 else f"{len(solved.rows)} people"
-    notes = (
-        f"cameras of {len(photos)} photos from {shared}; the frame is that of {photos[v].name}",
-        *_known_cameras(solved),
-        *solved.notes,
-        *moved,
-        *others,
+    reference = solved.photos[solved.reference]
+    photos = _photos(solved, everybody, reconstruction, scales)
+    people = _people(solved.photos, everybody, reconstruction)
+    others = [photo for photo in photos if photo.index != reference.index]
+    checks = (
+        *checks_of_keypoints(reconstruction, others),
+        *checks_of_cameras(_solved_views(solved), solved.rows),
     )
+    reconstruction = with_checks(reconstruction, checks)
+    points, colors = _merged_points(reconstruction, photos, reference.index)
+    names = {photo.index: photo.name for photo in photos}
+    moved = [_move(one, names) for one in people if one.moved]
+    unseen = [_not_shown(one, reference.name, names) for one in people if reference.index not in one.views]
+    shared = "1 person" if len(solved.rows) == 1 else f"{len(solved.rows)} people"
+    first = f"cameras of {len(photos)} photos from {shared}; the frame is that of {reference.name}"
     left_out = tuple(one.message for one in solved.left_out)
     return SceneResult(
         reconstruction=replace(
             reconstruction,
-            notes=(*reconstruction.notes, *notes),
+            notes=(*reconstruction.notes, first, *_known_cameras(solved), *moved, *unseen),
             warnings=(*reconstruction.warnings, *left_out),
         ),
-        reference=photos[v].index,
-        photos=own_photos,
+        reference=reference.index,
+        photos=photos,
         people=people,
         left_out=solved.left_out,
         points=points,
         colors=colors,
-        notes=(notes[0], *left_out, *moved),
+        notes=(first, *left_out, *moved),
         diagnostics=dict(solved.diagnostics),
     )
 
 
 def _known_cameras(solved: SolvedScene) -> list[str]:
     """Return a sentence about which cameras are known, if some are."""
-    known = [photo.name for photo in solved.photos if photo.view.pose is not None]
-    others = [photo.name for photo in solved.photos if photo.view.pose is None]
+    known = [photo.name for photo in solved.photos if photo.people.pose is not None]
+    others = [photo.name for photo in solved.photos if photo.people.pose is None]
     if len(known) == 1:
         return [f"the known pose of {known[0]} is not used: it takes two"]
     also = f"; those of {', '.join(others)} are solved" if others else ""
@@ -91,8 +82,7 @@ def _solved_views(solved: SolvedScene) -> list[SolvedView]:
     for v, (photo, camera) in enumerate(zip(solved.photos, solved.intrinsics, strict=True)):
         floor, size = photo.result.scene.floor, (camera.width, camera.height)
         plane = None if floor is None else np.append(np.asarray(floor.normal, np.float64), floor.offset)
-        pose = solved.bundle.pose(v)
-        found.append(SolvedView(photo.name, photo.people, pose, camera.matrix, size, plane))
+        found.append(SolvedView(photo.name, photo.people, solved.bundle.pose(v), camera.matrix, size, plane))
     return found
 
 
@@ -117,11 +107,21 @@ def _photos(
         person = {rows[v]: one.number for one in everybody if v in (rows := {**one.elsewhere, **one.shown})}
         errors = solved.errors[v][np.isfinite(solved.errors[v])]
         own = v == solved.reference
+        pose = CameraPose.identity() if own else solved.bundle.pose(v)
+        camera = SceneCamera(
+            pose.rotation,
+            pose.translation,
+            reconstruction.intrinsics if own else solved.intrinsics[v],
+            float(solved.rotation_sigma[v]),
+            float(solved.position_sigma[v]),
+        )
         found.append(
             SolvedPhoto(
                 index=photo.index,
-                camera=reconstruction.reference_view(photo.name) if own else _camera(solved, everybody, v),
+                name=photo.name,
+                camera=camera,
                 people=tuple(person.get(i) for i in range(len(photo.result.people))),
+                shown={row: one.shown[v] for row, one in enumerate(everybody) if v in one.shown},
                 reprojection=float(np.median(errors)) if len(errors) else float("nan"),
                 scene_scale=float(scales[v]),
                 result=photo.result,
@@ -130,41 +130,22 @@ def _photos(
     return tuple(found)
 
 
-def _camera(solved: SolvedScene, everybody: Sequence[PersonOfScene], v: int) -> CameraView:
-    """Return the camera of a photo that is not the reference."""
-    photo = solved.photos[v]
-    people = photo.result.people
-    return CameraView(
-        photo=photo.name,
-        image=photo.result.image,
-        intrinsics=solved.intrinsics[v],
-        rotation=np.asarray(solved.bundle.rotation[v], np.float64),
-        translation=np.asarray(solved.bundle.translation[v], np.float64),
-        rotation_sigma=float(solved.rotation_sigma[v]),
-        position_sigma=float(solved.position_sigma[v]),
-        people={i: people[one.shown[v]].detection for i, one in enumerate(everybody) if v in one.shown},
-    )
-
-
 def _people(
     photos: Sequence[ScenePhoto], everybody: Sequence[PersonOfScene], reconstruction: Reconstruction
 ) -> tuple[ScenePerson, ...]:
     """Return all people but those whom the reference photo alone shows."""
-    numbered = [(one, row) for row, one in enumerate(everybody) if one.number is not None]
-    found = []
-    for one, row in sorted(numbered, key=lambda pair: pair[0].number or 0):
-        person = reconstruction.people[row]
-        found.append(
-            ScenePerson(
-                views=tuple(photos[v].index for v in sorted({**one.elsewhere, **one.shown})),
-                row=row,
-                moved=bool(one.elsewhere),
-                parameters=person.parameters,
-                vertices=person.vertices,
-                joints=person.joints,
-            )
+    numbered = [(one.number, row, one) for row, one in enumerate(everybody) if one.number is not None]
+    return tuple(
+        ScenePerson(
+            views=tuple(photos[v].index for v in sorted({**one.elsewhere, **one.shown})),
+            row=row,
+            moved=bool(one.elsewhere),
+            parameters=reconstruction.people[row].parameters,
+            vertices=reconstruction.people[row].vertices,
+            joints=reconstruction.people[row].joints,
         )
-    return tuple(found)
+        for _, row, one in sorted(numbered, key=lambda entry: entry[0])
+    )
 
 
 def _merged_points(
@@ -181,7 +162,7 @@ def _merged_points(
         if not own:
             # The solved focal length moves points of the photo alone across the ray.
             zoom = photo.result.intrinsics.fx / camera.intrinsics.fx
-            xyz = (photo.scene_scale * xyz * [zoom, zoom, 1.0] - camera.translation) @ camera.rotation
+            xyz = camera.to_common(photo.scene_scale * xyz * [zoom, zoom, 1.0])
         points.append(xyz.astype(np.float32))
         colors.append(scene.colors[chosen][::every])
     return np.concatenate(points), np.concatenate(colors)

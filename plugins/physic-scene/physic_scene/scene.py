@@ -12,17 +12,15 @@ import torch
 from physic_core import Pipeline
 from physic_core.body import load_body
 from physic_core.errors import BackendError, InputError, NoPersonError
-from physic_core.types import KnownSizes, SkippedPhoto
+from physic_core.types import KnownSizes
 from physic_scene.ages import ages_of_photos, ages_of_scene, check_ages
 from physic_scene.calibration import KnownCamera
-from physic_scene.cameras import solve_cameras
 from physic_scene.energy import require_default_engine
 from physic_scene.people import people_of_scene
+from physic_scene.photos import ScenePhoto, choose_photos, skipped_photo
 from physic_scene.reference import ReferenceInput, solve_reference
 from physic_scene.result import assemble
-from physic_scene.selection import PhotoWithPeople, select_photos
-from physic_scene.settings import MomentSettings
-from physic_scene.solved import ScenePhoto, SolvedScene
+from physic_scene.solution import MOST_OFF, SolvedScene, solve_scene
 from physic_scene.triangulation import rig_unit
 
 if TYPE_CHECKING:
@@ -32,7 +30,7 @@ if TYPE_CHECKING:
 
     from physic_core import Config
     from physic_core.body.model import BodyModel
-    from physic_core.types import FloatArray, Intrinsics, Reconstruction
+    from physic_core.types import FloatArray, Reconstruction
     from physic_scene.types import SceneResult
 
     PhotoSource = Any
@@ -51,19 +49,13 @@ class ScenePipeline:
     Args:
         config: as of :class:`physic_core.Pipeline`: a Config, the name of a preset, the path of a TOML file, or its
             tables. ``engine.preset`` must be "default".
-        settings: of all steps.
 
     Raises:
         PhysicError: as of :class:`physic_core.Pipeline`.
     """
 
-    def __init__(
-        self,
-        config: Config | Mapping[str, Any] | str | os.PathLike[str] | None = None,
-        settings: MomentSettings | None = None,
-    ) -> None:
+    def __init__(self, config: Config | Mapping[str, Any] | str | os.PathLike[str] | None = None) -> None:
         self._pipeline = Pipeline(config)
-        self._settings = settings or MomentSettings()
 
     def __enter__(self) -> Self:
         return self
@@ -79,7 +71,6 @@ class ScenePipeline:
         self,
         photos: Sequence[PhotoSource],
         *,
-        intrinsics: Sequence[Intrinsics | None] | None = None,
         cameras: Sequence[KnownCamera | None] | None = None,
         known: KnownSizes | None = None,
         progress: Progress | None = None,
@@ -89,8 +80,7 @@ class ScenePipeline:
         Args:
             photos: two to eight photos of the moment, each as for :class:`physic_core.Pipeline`. People may hold still
                 between photos.
-            intrinsics: camera of each upright photo, px, or None where unknown; None if no camera is known.
-            cameras: calibrated camera of each photo, in place of ``intrinsics``, or None where unknown; poses of two or
+            cameras: calibrated camera of each photo, or None where unknown; None if no camera is known. Poses of two or
                 more stay as they are, and give the scale. :func:`physic_scene.read_calibration` reads files.
             known: sizes that are known in the first photo; its statures give the scale of the scene. One age or stature
                 is that of all people of all photos; several are those of the people of the first photo from left to
@@ -107,15 +97,14 @@ class ScenePipeline:
             ConfigError: ``engine.preset`` is not "default".
             PhysicError: a photo cannot be reconstructed alone; see :class:`physic_core.Pipeline`.
         """
-        _check_number(len(photos), intrinsics=intrinsics, cameras=cameras)
+        _check_number(len(photos), cameras=cameras)
         require_default_engine(self._pipeline.config.engine.settings())
         known, names = known or KnownSizes(), _unique([_name(photo, i) for i, photo in enumerate(photos)])
 
         def alone(i: int, age: tuple[float, ...]) -> Reconstruction | None:
-            camera = calibrated[i] if calibrated[i] is not None else None if intrinsics is None else intrinsics[i]
             stature = known.stature if len(known.stature) == 1 else ()
             sizes = replace(known, age=age) if i == 0 else KnownSizes(stature=stature, age=age)
-            return self.alone(photos[i], camera=camera, known=sizes or None, progress=progress)
+            return self.alone(photos[i], camera=calibrated[i], known=sizes or None, progress=progress)
 
         calibrated = [None] * len(photos) if cameras is None else list(cameras)
         poses = [None if camera is None else camera.pose for camera in calibrated]
@@ -139,7 +128,7 @@ class ScenePipeline:
         self,
         photo: PhotoSource,
         *,
-        camera: Intrinsics | KnownCamera | None = None,
+        camera: KnownCamera | None = None,
         known: KnownSizes | None = None,
         progress: Progress | None = None,
     ) -> Reconstruction | None:
@@ -147,7 +136,7 @@ class ScenePipeline:
 
         Args:
             photo: as of :meth:`__call__`.
-            camera: of the upright photo, px, perhaps with the distortion of its lens.
+            camera: of the upright photo file; its pose is not used.
             known: sizes.
             progress: called when each stage begins.
 
@@ -157,16 +146,12 @@ class ScenePipeline:
         Raises:
             PhysicError: the photo cannot be reconstructed.
         """
+        own = None if camera is None else camera.lens.intrinsics
         settings: dict[str, Any] = {}
-        if isinstance(camera, KnownCamera):
-            lens, camera = camera.lens, camera.lens.intrinsics
-            if any(lens.distortion):
-                settings = {
-                    "intrinsics": [camera.fx, camera.fy, camera.cx, camera.cy],
-                    "distortion": list(lens.distortion),
-                }
+        if camera is not None and own is not None and any(camera.lens.distortion):
+            settings = {"intrinsics": [own.fx, own.fy, own.cx, own.cy], "distortion": list(camera.lens.distortion)}
         try:
-            return self._pipeline(photo, intrinsics=camera, known=known, settings=settings, progress=progress)
+            return self._pipeline(photo, intrinsics=own, known=known, settings=settings, progress=progress)
         except NoPersonError:
             return None
 
@@ -218,22 +203,13 @@ class ScenePipeline:
             for i, result in enumerate(results)
             if result is not None
         ]
-        empty = tuple(
-            SkippedPhoto(name, i, "no people", f"{name} is skipped: no person was detected in it")
+        empty = [
+            skipped_photo(i, name, "no people", "no person was detected in it")
             for i, name in enumerate(names)
             if results[i] is None
-        )
-        if len(photos) < FEWEST:
-            rest = f"only {photos[0].name} is left" if photos else "none is left"
-            raise InputError(
-                f"a moment needs two photos, and {rest}; {'; '.join(one.message for one in empty)}: give two different "
-                "photos that show the same people"
-            )
-        _check_unit(rig_unit([photo.people for photo in photos], self._settings.fit.keypoint))
-        seen = [PhotoWithPeople(i, photo.view, photo.people) for i, photo in enumerate(photos)]
-        solution = solve_cameras(select_photos(seen, self._settings), len(photos), self._settings)
-        solved = SolvedScene.of(solution, photos, model)
-        solved = replace(solved, left_out=(*empty, *solved.left_out))
+        ]
+        _check_unit(rig_unit([photo.people for photo in photos], MOST_OFF))
+        solved = solve_scene(choose_photos(photos, empty), model)
         if several:
             solved.first("statures")
         return solved
@@ -244,8 +220,8 @@ class ScenePipeline:
         people = people_of_scene(solved, model)
         given = ReferenceInput.of(solved, people, model)
         given = replace(given, ages=ages_of_scene(people, solved.photos))
-        reconstruction = solve_reference(given, self._pipeline.config, self._settings.keypoints)
-        return assemble(solved, people, reconstruction, self._settings)
+        reconstruction = solve_reference(given, self._pipeline.config)
+        return assemble(solved, people, reconstruction)
 
 
 def _require_same_people(
@@ -271,7 +247,6 @@ def reconstruct_scene(
     photos: Sequence[PhotoSource],
     config: Config | Mapping[str, Any] | str | os.PathLike[str] | None = None,
     *,
-    intrinsics: Sequence[Intrinsics | None] | None = None,
     cameras: Sequence[KnownCamera | None] | None = None,
     known: KnownSizes | None = None,
     progress: Progress | None = None,
@@ -281,7 +256,7 @@ def reconstruct_scene(
     Arguments, result and errors are those of :class:`ScenePipeline` and its call.
     """
     with ScenePipeline(config) as scene:
-        return scene(photos, intrinsics=intrinsics, cameras=cameras, known=known, progress=progress)
+        return scene(photos, cameras=cameras, known=known, progress=progress)
 
 
 def _check_unit(unit_m: float | None) -> None:

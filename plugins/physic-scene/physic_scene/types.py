@@ -2,13 +2,47 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from physic_core.types.short_repr import ShortRepr
+from physic_scene.rigid import CameraPose
 
 if TYPE_CHECKING:
-    from physic_core.types import BodyParameters, CameraView, FloatArray, Reconstruction, SkippedPhoto, UInt8Array
+    from physic_core.types import BodyParameters, FloatArray, Intrinsics, Reconstruction, UInt8Array
+
+
+@dataclass(frozen=True)
+class SceneCamera(CameraPose):
+    """Camera of one photo, in the frame of the reference camera.
+
+    Attributes:
+        intrinsics: of the image of the photo's result, px.
+        rotation_sigma: standard deviation of the rotation, radians; 0 for the reference.
+        position_sigma: standard deviation of the camera centre, metres; 0 for the reference.
+    """
+
+    intrinsics: Intrinsics
+    rotation_sigma: float
+    position_sigma: float
+
+
+@dataclass(frozen=True)
+class SkippedPhoto:
+    """A photo that is not part of the solution.
+
+    Attributes:
+        photo: name of the photo.
+        index: of the photo, as it was given.
+        reason: short, for programs, such as "same photo" or "does not fit".
+        message: the same as a sentence for the user.
+    """
+
+    photo: str
+    index: int
+    reason: str
+    message: str
 
 
 @dataclass(frozen=True)
@@ -17,16 +51,21 @@ class SolvedPhoto(ShortRepr):
 
     Attributes:
         index: of the photo, as it was given.
-        camera: of the photo, in the frame of the reference camera; one of ``SceneResult.reconstruction.cameras``.
+        name: of the photo.
+        camera: of the photo, in the frame of the reference camera.
         people: person of the scene for each person of this photo; None for a person whom no other photo shows.
+        shown: index in ``SceneResult.reconstruction.people`` -> index in ``result.people``, of the people whose bodies
+            this photo shows. Someone who moved between the photos is in one photo alone.
         reprojection: median distance of the solved keypoints from those of the photo, as a share of the stature in px.
         scene_scale: factor from the scene of the photo alone to that of the solution.
         result: reconstruction of the photo alone, in the frame of its camera.
     """
 
     index: int
-    camera: CameraView
+    name: str
+    camera: SceneCamera
     people: tuple[int | None, ...]
+    shown: Mapping[int, int]
     reprojection: float
     scene_scale: float
     result: Reconstruction
@@ -84,9 +123,9 @@ class SceneResult(ShortRepr):
     points: FloatArray
     colors: UInt8Array
     notes: tuple[str, ...]
-    diagnostics: dict[str, Any]
+    diagnostics: Mapping[str, Any]
 
     @property
-    def cameras(self) -> tuple[CameraView, ...]:
-        """Cameras of ``photos``, in their order; that of the reference, the frame of all, need not be the first."""
-        return tuple(photo.camera for photo in self.photos)
+    def reference_photo(self) -> SolvedPhoto:
+        """The photo whose camera gives the frame."""
+        return next(photo for photo in self.photos if photo.index == self.reference)

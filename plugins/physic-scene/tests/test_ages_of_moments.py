@@ -11,14 +11,12 @@ from click.testing import CliRunner
 from PIL import Image
 
 from physic_core import KnownSizes, load_config
-from physic_core.batch.moments import MomentPhoto
 from physic_core.body import load_body
 from physic_core.body.ages import load_ages
 from physic_core.errors import InputError
 from physic_core.interfaces import INTERFACES
 from physic_scene import ScenePipeline
 from physic_scene.command import scene as command
-from physic_scene.moments import join_photos
 from physic_testing.worlds import build_world, view_names
 
 NOISE = {name: {"options": {"noise": 0.25}} for name in INTERFACES}
@@ -96,19 +94,6 @@ def test_one_person_has_one_age(solver, alone):
     with pytest.raises(InputError) as error:
         solver.join([of_age(alone[0], 4.0), of_age(alone[1], 5.5)], ["a.png", "b.png"])
     assert str(error.value) == "one person was given different ages, in years: 4 in a.png, 5.5 in b.png; correct them"
-
-
-def test_in_a_batch_each_photo_of_the_moment_has_its_ages(alone):
-    photos = [
-        MomentPhoto(name, settings, result)
-        for name, settings, result in zip(("a.png", "b.png"), ({"age": [38.0, 5.0]}, {}), alone, strict=True)
-    ]
-    with pytest.raises(InputError) as error:
-        join_photos(photos, load_config(preset="mock"))
-    assert str(error.value) == (
-        "ages are given for a.png, but not for b.png: give them in each row of the moment, in the order of its photo, "
-        "0 where unknown"
-    )
 
 
 @pytest.mark.parametrize(

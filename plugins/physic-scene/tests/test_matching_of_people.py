@@ -10,12 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.body import JOINT_INDEX
 from physic_core.types import skeleton_named
-from physic_scene.bundle import BundleSettings
-from physic_scene.matching import MatchingSettings, PairMatch, answer_cost, join_tracks, match_pair
+from physic_scene.matching import PairMatch, answer_cost, join_tracks, match_pair
 from physic_scene.observations import COLOUR_GROUPS, PhotoPeople
 from physic_scene.rigid import CameraPose
-from physic_scene.settings import MomentSettings
-from physic_scene.verdict import SolvedView, view_contradictions
+from physic_scene.verdict import SolvedView, checks_of_cameras
 
 MIDDLE = np.array([0.0, 0.0, 4.0])
 TURN = Rotation.from_euler("y", 40, degrees=True).as_matrix()
@@ -64,7 +62,7 @@ def in_clothes(people: PhotoPeople, *colours: float) -> PhotoPeople:
 
 
 def match(one: PhotoPeople, two: PhotoPeople) -> PairMatch:
-    return match_pair(one, two, MatchingSettings(), BundleSettings())
+    return match_pair(one, two)
 
 
 @pytest.mark.parametrize("swapped", [False, True])
@@ -87,7 +85,7 @@ def test_two_photos_always_have_an_answer(facing_each_other):
     other = photo(np.random.default_rng(9).normal(0, 0.5, (1, 55, 3)) + MIDDLE)
     found = match(in_clothes(one, 20, 60), in_clothes(other, 90))
     assert len(found.pairs) == 1
-    assert answer_cost(one, other, found.pairs, found.motion, MatchingSettings(), BundleSettings())[0] > 28
+    assert answer_cost(one, other, found.pairs, found.motion)[0] > 28
 
 
 def test_the_surest_pairs_join_people_over_three_photos(facing_each_other):
@@ -109,8 +107,8 @@ def test_a_photo_that_nobody_joins_is_joined_by_its_likeliest_pair(facing_each_o
 def verdict(*views: SolvedView, rows: list[list[int]]) -> dict[str, list[float | None]]:
     """Return the values of each check over the photos."""
     found: dict[str, list[float | None]] = {}
-    for _, name, value, _ in view_contradictions(views, np.array(rows), MomentSettings()):
-        found.setdefault(name, []).append(value)
+    for check in checks_of_cameras(views, np.array(rows)):
+        found.setdefault(check.name, []).append(check.value)
     return found
 
 

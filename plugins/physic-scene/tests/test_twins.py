@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from physic_scene.twins import thumbnails_match
+from physic_scene.photos import thumbnails_match
 
 
 def test_a_brighter_copy_is_the_same_photo():

@@ -372,31 +372,3 @@ def test_a_scene_alone_and_one_person_are_shown(chromium, tmp_path, people, make
     assert ("Nobody is in this result" in text(page, "#people")) is (people == 0)
     assert ("Stature" in text(page, "#people")) is (people == 1)  # the only person is chosen
     page.close()
-
-
-def test_one_of_several_photos_is_chosen_and_seen_from_its_camera(chromium, tmp_path, rooms):
-    made = rooms.make_several_photos()
-    path = tmp_path / "report.html"
-    path.write_text(report_html(made), encoding="utf-8")
-    page = chromium.open(path.as_uri(), 960, 600)
-    page.wait(READY)
-    assert text(page, "#photos").split("\n") == ["0.jpg", "50.jpg", "-80.jpg"]
-    click(page, "[data-view=camera]")
-    click(page, "[data-show=floor]")
-    before = page.picture("#canvas")
-    page.evaluate("{const l = document.querySelector('#photos'); l.value = 2; l.dispatchEvent(new Event('change'))}")
-    assert difference(before, page.picture("#canvas")) > 0.1
-    assert page.errors() == []
-    # The panel shows the third photo, and person 1 over the pixels of their mask.
-    photo = page.evaluate("[document.querySelector('#photo').width, document.querySelector('#photo').height]")
-    assert photo == [90, 120]
-    spot = made.cameras[2].to_camera(made.people[1].joints[9:10]) @ made.cameras[2].intrinsics.matrix.T
-    x, y, width, height = page.box("#photo")
-    column, row = spot[0, :2] / spot[0, 2]
-    page.click(x + (column + 0.5) / 90 * width, y + (row + 0.5) / 120 * height)
-    assert page.evaluate("document.querySelector('.chips [aria-pressed=true]').innerText") == "Person 1"
-    page.close()
-
-
-def test_one_photo_needs_no_list_of_photos(page):
-    assert page.evaluate("document.querySelector('#photos').hidden") is True

@@ -23,9 +23,9 @@ from physic_viewer.report.people import people_records
 from physic_viewer.report.surfaces import MAX_FULL_BODIES, is_posed, pack_bodies, pack_scene
 
 if TYPE_CHECKING:
-    from physic_core.types import CameraView, CheckResult, Intrinsics, Reconstruction, StageRecord
+    from physic_core.types import CheckResult, Reconstruction, StageRecord
 
-_PHOTO_PX, _BACKGROUND_PX, _FURTHER_PX = 1600, 1280, 1000  # longer sides of the pictures in the page
+_PHOTO_PX, _BACKGROUND_PX = 1600, 1280  # longer sides of the pictures in the page
 
 
 def page_contents(reconstruction: Reconstruction, title: str) -> dict[str, Any]:
@@ -40,10 +40,8 @@ def page_contents(reconstruction: Reconstruction, title: str) -> dict[str, Any]:
         "checked": summarize_checks(reconstruction.checks),
         "width": camera.width,
         "height": camera.height,
-        "camera": _pinhole(camera),
+        "camera": {"fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy, "source": camera.source},
         "photo": photo_jpeg(reconstruction.image, _PHOTO_PX, 80 if crowd else 85),
-        "name": reconstruction.cameras[0].photo if reconstruction.cameras else "",
-        "further": [_further(camera) for camera in reconstruction.cameras[1:]],
         "background": photo_jpeg(scene.colors, _BACKGROUND_PX, 75 if crowd else 82),
         "upright": gltf_from_camera(scene.floor).ravel().tolist(),
         "floor": scene.floor is not None,
@@ -67,23 +65,6 @@ def page_contents(reconstruction: Reconstruction, title: str) -> dict[str, Any]:
     }
     ready: dict[str, Any] = _finite(contents)
     return ready
-
-
-def _pinhole(camera: Intrinsics) -> dict[str, Any]:
-    return {"fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy, "source": camera.source}
-
-
-def _further(camera: CameraView) -> dict[str, Any]:
-    """Return a photo but the reference; ``pose`` (16 numbers, by rows) is from its frame to that of the reference."""
-    return {
-        "name": camera.photo,
-        "width": camera.intrinsics.width,
-        "height": camera.intrinsics.height,
-        "camera": _pinhole(camera.intrinsics),
-        "photo": photo_jpeg(camera.image, _FURTHER_PX, 80),
-        "pose": camera.pose.ravel().tolist(),
-        "boxes": {str(index): [float(edge) for edge in one.box] for index, one in camera.people.items()},
-    }
 
 
 def _check(check: CheckResult) -> dict[str, Any]:

@@ -15,10 +15,10 @@ function chooseTheme() {
   byId("theme").addEventListener("click", () => set(root.dataset.theme === "dark" ? "light" : "dark"));
 }
 
-function makeStage(data, photos, background, images) {
+function makeStage(data, photo, background, images) {
   const canvas = byId("canvas");
   try {
-    const stage = new Stage(canvas, data, photos, background, images);
+    const stage = new Stage(canvas, data, photo, background, images);
     canvas.addEventListener("webglcontextlost", () => say("The browser took the 3D view away. Load the page again."));
     return stage;
   } catch (error) {
@@ -96,16 +96,11 @@ async function start() {
   };
   select(null);
   const textures = data.bodies.people.map(body => (body?.texture ? loadImage(body.texture) : null));
-  const [background, images, ...photos] = await Promise.all(
-    [loadImage(data.background), Promise.all(textures), ...loadPhotos(data)]);
+  const [photo, background, images] = await Promise.all(
+    [loadImage(data.photo), loadImage(data.background), Promise.all(textures)]);
   say("");
-  stage = makeStage(data, photos, background, images);
-  panel = new PhotoPanel(byId("photo"), data, photos[0]);
-  offerPhotos(byId("photos"), photos, photo => {
-    panel.show(photo);
-    stage?.choose(photo);
-    panel.draw(stage);
-  });
+  stage = makeStage(data, photo, background, images);
+  panel = new PhotoPanel(byId("photo"), data, photo);
   byId("overlay").addEventListener("change", event => {
     panel.overlay = event.target.checked;
     panel.draw(stage);

@@ -5,8 +5,8 @@ const FIELD_OF_VIEW = 40;
 const LINEAR = Float32Array.from({ length: 256 }, (_, v) => new THREE.Color().setRGB(v / 255, 0, 0, THREE.SRGBColorSpace).r);
 
 class Stage {
-  constructor(canvas, data, photos, background, images) {
-    Object.assign(this, { canvas, data, photos, background, images, shown: photos[0] });
+  constructor(canvas, data, photo, background, images) {
+    Object.assign(this, { canvas, data, background, images });
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     this.scene = new THREE.Scene();
@@ -24,7 +24,7 @@ class Stage {
     const people = new THREE.Group();
     for (const body of this.bodies) if (body) people.add(body);
     this.root.updateMatrixWorld(true);
-    this.groups = { mesh, points, people, camera: makeFrustums(data, photos) };
+    this.groups = { mesh, points, people, camera: makeFrustum(data, photo) };
     this.root.add(...Object.values(this.groups));
     this.root.updateMatrixWorld(true);
     this.box = this.bounds(this.bodies);
@@ -39,7 +39,7 @@ class Stage {
       this.isPhotoBehind = false;
       this.draw();
     });
-    this.photoCameras = new Map(photos.map(photo => [photo, makePhotoCamera(photo, this.root)]));
+    this.photoCamera = makePhotoCamera(data, this.root); // a place to look from
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement);
     this.resize();
     this.look("people");
@@ -80,23 +80,11 @@ class Stage {
     this.draw();
   }
 
-  // The camera of the photo that is shown, as a place to look from.
-  get photoCamera() {
-    return this.photoCameras.get(this.shown);
-  }
-
-  // Show another of the photos.
-  choose(photo) {
-    this.shown = photo;
-    if (this.isPhotoBehind) this.look("camera");
-    else this.draw();
-  }
-
   look(name) {
     const place = name === "camera" ? this.photoCamera.matrixWorld : this.root.matrix;
     const eye = new THREE.Vector3().setFromMatrixPosition(place), box = this.mainBox;
     const center = box.getCenter(new THREE.Vector3());
-    const { width, height, camera } = this.shown;
+    const { width, height, camera } = this.data;
     this.camera.fov = FIELD_OF_VIEW;
     if (name === "camera") {
       const ahead = new THREE.Vector3(0, 0, -1).transformDirection(place);
@@ -197,18 +185,15 @@ class Stage {
 
   render() {
     const { camera, mesh, points } = this.groups, shown = [mesh.visible, points.visible];
-    const isAnyBehind = this.isPhotoBehind && camera.visible;
-    this.photos.forEach((one, i) => {
-      // From its own place, a photo would hide the scene, unless it is drawn first.
-      const eye = new THREE.Vector3().setFromMatrixPosition(this.photoCameras.get(one).matrixWorld);
-      const isInside = eye.distanceTo(this.camera.position) < 0.3, isBehind = isAnyBehind && one === this.shown;
-      const [lines, picture] = camera.children[i].children;
-      lines.visible = !isInside;
-      lines.material.opacity = one === this.shown ? 1 : 0.45;
-      picture.visible = (!isInside && !isAnyBehind) || isBehind;
-      picture.material.depthTest = picture.material.depthWrite = !isBehind;
-    });
-    if (isAnyBehind) mesh.visible = points.visible = false;
+    const isBehind = this.isPhotoBehind && camera.visible;
+    // From its own place, the photo would hide the scene, unless it is drawn first.
+    const eye = new THREE.Vector3().setFromMatrixPosition(this.photoCamera.matrixWorld);
+    const isInside = eye.distanceTo(this.camera.position) < 0.3;
+    const [lines, picture] = camera.children;
+    lines.visible = !isInside;
+    picture.visible = !isInside || isBehind;
+    picture.material.depthTest = picture.material.depthWrite = !isBehind;
+    if (isBehind) mesh.visible = points.visible = false;
     this.renderer.render(this.scene, this.camera);
     [mesh.visible, points.visible] = shown;
     this.listeners.forEach(listener => listener());
@@ -363,15 +348,9 @@ function samples(body) {
   return found;
 }
 
-// Each photo on a plane before its camera, with the edges of the field of view.
-function makeFrustums(data, photos) {
-  const group = new THREE.Group();
-  group.add(...photos.map(photo => makeFrustum(data, photo)));
-  return group;
-}
-
+// The photo on a plane before its camera, with the edges of the field of view.
 function makeFrustum(data, photo) {
-  const { fx, fy, cx, cy } = photo.camera, { width, height } = photo;
+  const { fx, fy, cx, cy } = data.camera, { width, height } = data;
   const nearest = Math.min(...data.people.map(person => person.camera ?? Infinity), 4);
   const depth = 0.22 * nearest * Math.min(1, fx / width);
   const at = (column, row) => [(column - cx - 0.5) / fx * depth, (row - cy - 0.5) / fy * depth, depth];
@@ -384,22 +363,21 @@ function makeFrustum(data, photo) {
   plane.setAttribute("uv", new THREE.Float32BufferAttribute([0, 1, 1, 1, 1, 0, 0, 0], 2));
   plane.setIndex([0, 2, 1, 0, 3, 2]);
   const group = new THREE.Group();
-  const paint = new THREE.MeshBasicMaterial({ map: makeTexture(photo.image), side: THREE.DoubleSide });
-  const ink = new THREE.LineBasicMaterial({ color: makeColor(data.colors.camera), transparent: true });
+  const paint = new THREE.MeshBasicMaterial({ map: makeTexture(photo), side: THREE.DoubleSide });
+  const ink = new THREE.LineBasicMaterial({ color: makeColor(data.colors.camera) });
   const picture = new THREE.Mesh(plane, paint);
   picture.renderOrder = -1;
   group.add(new THREE.LineSegments(lines, ink), picture);
-  group.applyMatrix4(photo.pose);
   return group;
 }
 
 // A camera with the photo's intrinsics; integer pixel coordinates are pixel centres.
-function makePhotoCamera(photo, root) {
-  const { fx, fy, cx, cy } = photo.camera, { width, height } = photo, near = 0.05, far = 500;
+function makePhotoCamera(data, root) {
+  const { fx, fy, cx, cy } = data.camera, { width, height } = data, near = 0.05, far = 500;
   const camera = new THREE.PerspectiveCamera();
   camera.layers.set(BODIES);
   camera.matrixAutoUpdate = false;
-  camera.matrix.copy(root.matrix).multiply(photo.pose).multiply(new THREE.Matrix4().makeScale(1, -1, -1));
+  camera.matrix.copy(root.matrix).multiply(new THREE.Matrix4().makeScale(1, -1, -1));
   camera.matrixWorld.copy(camera.matrix);
   camera.matrixWorldInverse.copy(camera.matrix).invert();
   camera.projectionMatrix.set(

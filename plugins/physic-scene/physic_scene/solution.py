@@ -1,8 +1,12 @@
-"""Cameras and people of the chosen photos: start, bundle adjustment, and what does not fit it."""
+"""Cameras and people of the chosen photos: start, bundle adjustment, and one body for each person.
+
+A person is taken to be the same in all photos; whoever does not fit has moved, and a photo that most people do not fit
+is left out.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -11,36 +15,92 @@ import numpy as np
 from physic_core.engine.sizes import stature_sigmas
 from physic_core.engine.sizes.scale_vote import vote_on_scale
 from physic_core.errors import InputError
-from physic_core.types import SolvedCameras
-from physic_scene.bundle import Bundle, MomentObservations, adjust, uncertainties
+from physic_core.types import CameraTrust, Intrinsics
+from physic_core.types.short_repr import ShortRepr
+from physic_scene.bodies import MeanBodies, mean_bodies
+from physic_scene.bundle import KNOWN_CAMERAS, SOLVED_CAMERAS, Bundle, MomentObservations, adjust, uncertainties
+from physic_scene.photos import ChosenPhotos, ScenePhoto
 from physic_scene.rigid import CameraPose
 from physic_scene.triangulation import sizes_by_cameras
 
 if TYPE_CHECKING:
+    from physic_core.body.model import BodyModel
     from physic_core.types import BoolArray, FloatArray, IntArray
     from physic_scene.observations import PhotoPeople
-    from physic_scene.selection import ChosenPhotos
-    from physic_scene.settings import MomentSettings
+    from physic_scene.types import SkippedPhoto
+
+MOST_OFF = 0.06
+"""Largest median distance of a person's solved keypoints from those of a photo, as a share of the stature in px: the
+bound of ``view_keypoints``. Of 30 pairs of photos of a rig, right matches have up to 0.032."""
 
 _KNOWN_BONE = 0.01
 _SEEN = 0.3  # confidence of a keypoint
 
 
-def solve_cameras(chosen: ChosenPhotos, count: int, settings: MomentSettings) -> SolvedCameras:
-    """Return the cameras and people of one moment; photos and people that do not fit are skipped.
+@dataclass(frozen=True)
+class SolvedScene(ShortRepr):
+    """Cameras and bodies of one moment, in the frame of the reference camera, metres; V photos are in the solution.
+
+    Attributes:
+        photos: V photos in the solution.
+        left_out: the other photos.
+        reference: index into ``photos``.
+        rows: (P, V) row of each solved person in each photo, -1 where not shown.
+        moved: (M, V) the same as ``rows`` for people who are in different places or poses, who are not solved.
+        observations: of the solved people.
+        bundle: cameras and points.
+        intrinsics: of each photo, solved.
+        rotation_sigma: (V,) radians.
+        position_sigma: (V,) metres.
+        bodies: of the solved people.
+        errors: (V, P) median distance of keypoints, as a share of the stature in px; NaN where not shown.
+        statures: (P,) metres, known ones of the solved people, NaN where unknown.
+        scale_sigma: of the logarithm of all lengths.
+        diagnostics: numbers of the matching.
+    """
+
+    photos: tuple[ScenePhoto, ...]
+    left_out: tuple[SkippedPhoto, ...]
+    reference: int
+    rows: IntArray
+    moved: IntArray
+    observations: MomentObservations
+    bundle: Bundle
+    intrinsics: tuple[Intrinsics, ...]
+    rotation_sigma: FloatArray
+    position_sigma: FloatArray
+    bodies: MeanBodies
+    errors: FloatArray
+    statures: FloatArray
+    scale_sigma: float
+    diagnostics: Mapping[str, Any]
+
+    def first(self, sizes: str) -> ScenePhoto:
+        """Return the photo that was given first, whose people have known sizes, such as "ages".
+
+        Raises:
+            InputError: it is skipped.
+        """
+        if self.photos[0].index:
+            why = next(one.message for one in self.left_out if one.index == 0)
+            raise InputError(f"the {sizes} are those of people of the first photo, but {why}; put another photo first")
+        return self.photos[0]
+
+
+def solve_scene(chosen: ChosenPhotos, model: BodyModel) -> SolvedScene:
+    """Return the cameras and people of one moment; photos and people that do not fit are left out.
 
     Args:
         chosen: photos that share people.
-        count: number of photos that were given.
-        settings: of all steps.
+        model: body model of the people, float64.
 
     Raises:
         InputError: no two photos fit each other.
     """
     moved = chosen.rows[:0]
     while True:
-        found = _adjusted(chosen, settings)
-        bad = found.errors > settings.fit.keypoint
+        found = _adjusted(chosen)
+        bad = found.errors > MOST_OFF
         view = _view_that_does_not_fit(bad, found.errors)
         if view is not None and len(chosen.photos) == 2:
             raise InputError(
@@ -56,55 +116,7 @@ def solve_cameras(chosen: ChosenPhotos, count: int, settings: MomentSettings) ->
             moved = np.concatenate([moved, chosen.rows[worst : worst + 1]])
             chosen = replace(chosen, rows=np.delete(chosen.rows, worst, axis=0))
         else:
-            return _solution(chosen, count, moved, found, settings)
-
-
-def _solution(
-    chosen: ChosenPhotos,
-    count: int,
-    moved: IntArray,
-    found: _Adjusted,
-    settings: MomentSettings,
-) -> SolvedCameras:
-    """Return the cameras of all photos, NaN for skipped ones, and the people by their rows, moved ones apart."""
-    sigmas = uncertainties(found.observations, found.bundle, found.reference, settings.bundle)
-    scale, scale_sigma = _scale(found.observations, found.bundle)
-    bundle = found.bundle.scaled(scale)
-    photos, index = chosen.photos, [photo.index for photo in chosen.photos]
-
-    def of_all(values: Any, *, otherwise: Any = np.nan) -> Any:
-        """Return values (V, ...) of the photos in the solution for all photos."""
-        values = np.asarray(values)
-        every = np.full((count, *values.shape[1:]), otherwise, values.dtype)
-        every[index] = values
-        return every
-
-    skeleton = photos[0].view.keypoints.joint_set
-    points = np.full((len(chosen.rows), len(skeleton), 3), np.nan)
-    points[:, list(skeleton.fitted)] = bundle.points
-    own = np.arange(len(photos)) == found.reference
-    cameras = dict(enumerate(chosen.intrinsics))
-    for v, photo in enumerate(photos):
-        factor = float(np.exp(bundle.log_focal[v]))
-        cameras[photo.index] = photo.view.intrinsics.with_solved_focal(factor, sigmas[v].log_focal)
-    return SolvedCameras(
-        reference=index[found.reference],
-        rotation=of_all(bundle.rotation),
-        translation=of_all(bundle.translation),
-        intrinsics=tuple(cameras[i] for i in range(count)),
-        rotation_sigma=of_all(np.where(own, 0.0, [sigma.rotation for sigma in sigmas])),
-        position_sigma=of_all(np.where(own, 0.0, [sigma.position_m for sigma in sigmas])),
-        people=of_all(chosen.rows.T, otherwise=-1).T,
-        points=points,
-        scale_sigma=scale_sigma,
-        moved=of_all(moved.T, otherwise=-1).T,
-        skipped=chosen.left_out,
-        diagnostics={
-            "matching_scores": {
-                f"{photos[a].name}, {photos[b].name}": round(match.score, 2) for (a, b), match in chosen.matches.items()
-            },
-        },
-    )
+            return _solution(chosen, moved, found, model)
 
 
 @dataclass(frozen=True)
@@ -117,15 +129,61 @@ class _Adjusted:
     errors: FloatArray
 
 
-def _adjusted(chosen: ChosenPhotos, settings: MomentSettings) -> _Adjusted:
+def _solution(chosen: ChosenPhotos, moved: IntArray, found: _Adjusted, model: BodyModel) -> SolvedScene:
+    """Return the solution at the scale that people's sizes tell, with one body for each person."""
+    sigmas = uncertainties(found.observations, found.bundle, found.reference)
+    scale, scale_sigma = _scale(found.observations, found.bundle)
+    bundle, photos, rows = found.bundle.scaled(scale), chosen.photos, chosen.rows
+    people = [photo.people for photo in photos]
+    observations = MomentObservations.of(people, rows)  # of the sizes that the photos alone show
+    statures = sizes = known_statures(people, rows)
+    if observations.known.any():
+        factor = sizes_by_cameras(observations, [bundle.pose(v) for v in range(len(photos))])
+        alone = [np.mean([people[v].stature[row[v]] for v in np.flatnonzero(row >= 0)]) for row in rows]
+        sizes = np.where(np.isfinite(statures), statures, factor * alone)
+    own = np.arange(len(photos)) == found.reference
+    return SolvedScene(
+        photos=photos,
+        left_out=chosen.left_out,
+        reference=found.reference,
+        rows=rows,
+        moved=moved,
+        observations=observations,
+        bundle=bundle,
+        intrinsics=tuple(
+            _with_focal(photo.result.intrinsics, float(np.exp(bundle.log_focal[v])), sigmas[v].log_focal)
+            for v, photo in enumerate(photos)
+        ),
+        rotation_sigma=np.where(own, 0.0, [sigma.rotation for sigma in sigmas]),
+        position_sigma=np.where(own, 0.0, [sigma.position_m for sigma in sigmas]),
+        bodies=mean_bodies(people, rows, observations, bundle, model, sizes),
+        errors=found.errors,
+        statures=statures,
+        scale_sigma=scale_sigma,
+        diagnostics={
+            "matching_scores": {
+                f"{photos[a].name}, {photos[b].name}": round(match.score, 2) for (a, b), match in chosen.matches.items()
+            },
+        },
+    )
+
+
+def _with_focal(camera: Intrinsics, factor: float, sigma: float) -> Intrinsics:
+    """Return a camera with its focal length times a factor, and the error of its logarithm."""
+    solved = replace(camera, fx=camera.fx * factor, fy=camera.fy * factor, focal_sigma=sigma)
+    if camera.known:
+        return solved
+    return replace(solved, source="solved from several photos", trust=CameraTrust.ESTIMATED)
+
+
+def _adjusted(chosen: ChosenPhotos) -> _Adjusted:
     rows = chosen.rows
     people = [photo.people for photo in chosen.photos]
     reference = reference_photo(rows, people)
     poses = start_poses(chosen, reference)
-    observations = _sized(MomentObservations.of(people, rows), chosen, rows, poses)
-    start = Bundle.start(observations, poses)
-    own = settings.bundle.for_known_cameras() if observations.known.any() else settings.bundle
-    bundle = adjust(observations, start, reference, own)
+    observations = _sized(MomentObservations.of(people, rows), people, rows, poses)
+    settings = KNOWN_CAMERAS if observations.known.any() else SOLVED_CAMERAS
+    bundle = adjust(observations, Bundle.start(observations, poses), reference, settings)
     return _Adjusted(reference, observations, bundle, keypoint_errors(observations, bundle))
 
 
@@ -218,7 +276,7 @@ def known_statures(people: Sequence[PhotoPeople], rows: IntArray) -> FloatArray:
 
 
 def _sized(
-    observations: MomentObservations, chosen: ChosenPhotos, rows: IntArray, poses: Sequence[CameraPose]
+    observations: MomentObservations, people: Sequence[PhotoPeople], rows: IntArray, poses: Sequence[CameraPose]
 ) -> MomentObservations:
     """Return the observations with the sizes of people by known cameras, or else those of people of known stature."""
     bone_m, sigma = observations.bone_m.copy(), observations.bone_sigma.copy()
@@ -226,10 +284,10 @@ def _sized(
     if observations.known.any():
         size = sizes_by_cameras(observations, poses)[:, None]
         return replace(observations, landmarks=landmarks * size[..., None], bone_m=bone_m * size)
-    known = known_statures([photo.people for photo in chosen.photos], rows)
+    known = known_statures(people, rows)
     for p in np.flatnonzero(np.isfinite(known)).tolist():
         shown = np.flatnonzero(rows[p] >= 0)
-        estimated = np.array([chosen.photos[v].people.stature[rows[p, v]] for v in shown])
+        estimated = np.array([people[v].stature[rows[p, v]] for v in shown.tolist()])
         bone_m[p] *= known[p] / estimated.mean()
         landmarks[shown, p] *= (known[p] / estimated)[:, None, None]
         sigma[p] = _KNOWN_BONE

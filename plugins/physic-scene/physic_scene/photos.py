@@ -1,0 +1,160 @@
+"""The photos of a moment as they are given, which of them take part, and who is who in them."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from physic_core.errors import InputError
+from physic_core.types.short_repr import ShortRepr
+from physic_scene.matching import PairMatch, join_tracks, joined_matches, match_pair
+from physic_scene.observations import PhotoPeople, observe
+from physic_scene.types import SkippedPhoto
+
+if TYPE_CHECKING:
+    from physic_core.body.model import BodyModel
+    from physic_core.types import FloatArray, IntArray, Reconstruction, UInt8Array
+
+_THUMBNAIL_PX = 32
+_LARGEST_CHANGE = 6.0  # difference of grey levels of one picture, of other size or compression
+_LARGEST_GAIN = 2.0  # factor on its brightness
+
+
+@dataclass(frozen=True)
+class ScenePhoto(ShortRepr):
+    """One photo of the moment.
+
+    Attributes:
+        index: of the photo, as it was given.
+        name: of the photo, for messages.
+        result: reconstruction of the photo alone.
+        rows: (N,) index in ``result.people`` of each person who has a body.
+        people: what the photo shows of these N people.
+    """
+
+    index: int
+    name: str
+    result: Reconstruction
+    rows: tuple[int, ...]
+    people: PhotoPeople
+
+    @classmethod
+    def of(
+        cls,
+        index: int,
+        name: str,
+        result: Reconstruction,
+        model: BodyModel,
+        statures: Sequence[float] = (),
+        pose: FloatArray | None = None,
+    ) -> ScenePhoto:
+        """Return a photo from its reconstruction.
+
+        Args:
+            index: of the photo, as it was given.
+            name: of the photo.
+            result: of the photo alone.
+            model: body model of its people, float64.
+            statures: known heights, metres: one for all, or of its people from left to right, 0 where unknown.
+            pose: (4, 4) from the frame of its camera to that of a calibrated rig, metres; None where unknown.
+        """
+        rows = tuple(i for i, person in enumerate(result.people) if np.isfinite(person.vertices).all())
+        known = np.full(len(rows), np.nan)
+        if len(statures) and rows:
+            middles = [result.people[i].box[0] + result.people[i].box[2] for i in rows]
+            given = np.resize(np.asarray(statures, np.float64), len(rows))
+            known[np.argsort(middles, kind="stable")] = np.where(given > 0, given, np.nan)
+        return cls(index, name, result, rows, observe(result, rows, model, known, pose))
+
+    def skipped(self, reason: str, why: str) -> SkippedPhoto:
+        """Return the record of this photo as one that is not part of the solution."""
+        return skipped_photo(self.index, self.name, reason, why)
+
+
+def skipped_photo(index: int, name: str, reason: str, why: str) -> SkippedPhoto:
+    """Return the record of a photo that is not part of the solution."""
+    return SkippedPhoto(name, index, reason, f"{name} is skipped: {why}")
+
+
+@dataclass(frozen=True)
+class ChosenPhotos(ShortRepr):
+    """Photos of one moment.
+
+    Attributes:
+        photos: V photos.
+        rows: (P, V) row of each person in ``people`` of each photo, -1 where not shown; each in at least two photos.
+        matches: of each pair of photos a < b.
+        left_out: the other photos.
+    """
+
+    photos: tuple[ScenePhoto, ...]
+    rows: IntArray
+    matches: dict[tuple[int, int], PairMatch]
+    left_out: tuple[SkippedPhoto, ...]
+
+    def without(self, view: int, reason: str, why: str) -> ChosenPhotos:
+        """Return a copy without one photo."""
+        keep = [v for v in range(len(self.photos)) if v != view]
+        number = {old: new for new, old in enumerate(keep)}
+        rows = self.rows[:, keep]
+        return ChosenPhotos(
+            tuple(self.photos[v] for v in keep),
+            rows[(rows >= 0).sum(1) > 1],
+            {(number[a], number[b]): m for (a, b), m in self.matches.items() if view not in (a, b)},
+            (*self.left_out, self.photos[view].skipped(reason, why)),
+        )
+
+
+def choose_photos(photos: Sequence[ScenePhoto], skipped: Sequence[SkippedPhoto] = ()) -> ChosenPhotos:
+    """Return the photos that show people, and who is who in them.
+
+    Args:
+        photos: all that have a result.
+        skipped: photos without one.
+
+    Raises:
+        InputError: fewer than two different photos show people.
+    """
+    left = list(skipped)
+    kept: list[ScenePhoto] = []
+    seen: list[FloatArray] = []
+    for photo in photos:
+        if not photo.rows:
+            left.append(photo.skipped("no people", "no person in it has a body"))
+            continue
+        picture = thumbnail(photo.result.image)
+        twin = next((k.name for k, s in zip(kept, seen, strict=True) if thumbnails_match(s, picture)), None)
+        if twin is not None:
+            left.append(photo.skipped("same photo", f"it is the same picture as {twin}"))
+            continue
+        kept.append(photo)
+        seen.append(picture)
+    if len(kept) < 2:
+        rest = f"only {kept[0].name} is left" if kept else "none is left"
+        raise InputError(
+            f"a moment needs two photos, and {rest}; {'; '.join(one.message for one in left)}: give two different "
+            "photos that show the same people"
+        )
+    people = [photo.people for photo in kept]
+    matches = {(a, b): match_pair(people[a], people[b]) for a, b in itertools.combinations(range(len(kept)), 2)}
+    rows = join_tracks(people, matches)
+    return ChosenPhotos(tuple(kept), rows, joined_matches(people, matches, rows), tuple(left))
+
+
+def thumbnail(image: UInt8Array) -> FloatArray:
+    """Return the grey levels (32, 32) of a photo, with mean 0."""
+    grey = cv2.cvtColor(np.asarray(image), cv2.COLOR_RGB2GRAY)
+    small = cv2.resize(grey, (_THUMBNAIL_PX, _THUMBNAIL_PX), interpolation=cv2.INTER_AREA).astype(np.float64)
+    grey_levels: FloatArray = small - small.mean()
+    return grey_levels
+
+
+def thumbnails_match(one: FloatArray, two: FloatArray) -> bool:
+    """Return whether two thumbnails are of one picture, perhaps of other size, compression or brightness."""
+    gain = (one * two).sum() / max((two * two).sum(), 1e-9)
+    return bool(np.abs(one - gain * two).max() < _LARGEST_CHANGE and 1 / _LARGEST_GAIN < gain < _LARGEST_GAIN)
