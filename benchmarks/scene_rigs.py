@@ -251,7 +251,7 @@ def _hips(found: Any, group: Sequence[RigPhoto], truth: RigTruth, people: Sequen
                 for i, other in enumerate(own_numbers)
                 if other == number
             ]
-            own.append(person.joints[[left, right]].mean(0))
+            own.append(found.reconstruction.people[person.row].joints[[left, right]].mean(0))
             single.append(np.mean(shown, axis=0))
             fact.append(truth.hips[number])
     if not own:

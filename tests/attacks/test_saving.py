@@ -67,10 +67,9 @@ def save_people(folder: Path, result: Reconstruction) -> None:
 
 
 def save_moment(folder: Path, result: Reconstruction) -> None:
-    points, colors = np.full((4, 3), float(mark(result)), np.float32), np.zeros((4, 3), np.uint8)
     camera = SceneCamera(np.eye(3), np.zeros(3), result.intrinsics, 0.0, 0.0)
     photo = SolvedPhoto(0, "photo.jpg", camera, (), {}, 0.0, 1.0, result)
-    moment = SceneResult(result, 0, (photo,), (), (), points, colors, (), {"seed": mark(result)})
+    moment = SceneResult(result, 0, (photo,), (), (), (), {"seed": mark(result)})
     output.save_scene(moment, str(folder), overwrite=True, page=f"page of {mark(result)}")
 
 

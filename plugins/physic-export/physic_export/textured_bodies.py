@@ -2,7 +2,7 @@
 
 A texel that the photo shows has the photo's colour; the weight falls where the surface turns away from the camera. The
 rest is filled: with the other side of the body where the photo shows that, and over the surface between, towards the
-mean of the body part. Of several photos, each texel has the colour of the photo with the largest weight there.
+mean of the body part.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ from physic_core import CommandRecord, hookimpl
 if TYPE_CHECKING:
     from physic_scene.calibration import KnownCamera, read_calibration
     from physic_scene.output import save_scene
-    from physic_scene.scene import ScenePipeline, reconstruct_scene
+    from physic_scene.scene import ScenePipeline
     from physic_scene.types import SceneResult, SolvedPhoto
 
 __all__ = [
@@ -20,7 +20,6 @@ __all__ = [
     "SolvedPhoto",
     "physic_commands",
     "read_calibration",
-    "reconstruct_scene",
     "save_scene",
 ]
 
@@ -30,7 +29,6 @@ _NAMES = {
     "SceneResult": "types",
     "ScenePipeline": "scene",
     "read_calibration": "calibration",
-    "reconstruct_scene": "scene",
     "save_scene": "output",
 }
 

@@ -29,7 +29,7 @@ from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
 from physic_core.types.skeletons import SIDES
-from physic_scene.measured import KeypointErrors, measured_errors
+from physic_scene.measured import KeypointErrors, keypoint_class, measured_errors
 from physic_scene.rigid import CameraPose
 
 if TYPE_CHECKING:
@@ -441,12 +441,10 @@ def _focal_block(log_focal: FloatArray, sigma: FloatArray, first: int) -> Residu
 
 def _limb(name: str) -> int:
     """Return the number of a keypoint's arm or leg, 0 for trunk and head."""
-    side, _, point = name.partition("_")
-    if side not in SIDES:
+    side, kind = name.partition("_")[0], keypoint_class(name)
+    if side not in SIDES or kind == "head":
         return 0
-    leg = point.startswith(("hip", "knee", "ankle", "heel", "foot", "big_toe", "small_toe"))
-    arm = point.startswith(("shoulder", "elbow", "wrist", "thumb", "index", "middle", "ring", "pinky"))
-    return 1 + SIDES.index(side) + 2 * leg if arm or leg else 0
+    return 1 + SIDES.index(side) + 2 * (kind in ("hip", "knee", "foot"))
 
 
 def _prior(values: FloatArray, first: int, sigma: FloatArray | float) -> ResidualBlock:

@@ -1,4 +1,4 @@
-"""Files of a scene: the result, its cameras and who is who, a picture of all photos, and the merged points."""
+"""Files of a scene: the result, its cameras and who is who, and a picture of all photos."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import json
 from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 
 from physic_core import save_reconstruction
 from physic_core.files.strict_json import to_json
@@ -16,9 +15,9 @@ from physic_scene.picture import photos_png
 if TYPE_CHECKING:
     from physic_scene.types import SceneResult
 
-CAMERAS_FILE, PICTURE_FILE, POINTS_FILE = "cameras.json", "photos.png", "scene_points.ply"
+CAMERAS_FILE, PICTURE_FILE = "cameras.json", "photos.png"
 PEOPLE_TABLE, REPORT_FILE = "people.csv", "report.html"
-FILES = (CAMERAS_FILE, PICTURE_FILE, POINTS_FILE)
+FILES = (CAMERAS_FILE, PICTURE_FILE)
 
 _PINHOLE = ("fx", "fy", "cx", "cy", "width", "height", "focal_sigma")
 
@@ -39,7 +38,6 @@ def save_scene(scene: SceneResult, folder: str, *, overwrite: bool = False, page
     beside = {
         CAMERAS_FILE: cameras_json(scene).encode(),
         PICTURE_FILE: photos_png(scene),
-        POINTS_FILE: trimesh.PointCloud(scene.points, scene.colors).export(file_type="ply"),
         PEOPLE_TABLE: people_csv(scene.reconstruction, scene.reference_photo.name),
     }
     beside |= {REPORT_FILE: page.encode()} if page else {}

@@ -14,12 +14,10 @@ from physic_scene.types import SceneCamera, ScenePerson, SceneResult, SolvedPhot
 from physic_scene.verdict import SolvedView, checks_of_cameras, checks_of_keypoints, with_checks
 
 if TYPE_CHECKING:
-    from physic_core.types import FloatArray, Reconstruction, UInt8Array
+    from physic_core.types import FloatArray, Reconstruction
     from physic_scene.people import PersonOfScene
     from physic_scene.photos import ScenePhoto
     from physic_scene.solution import SolvedScene
-
-_POINTS = 60_000  # of the scene of each photo
 
 
 def assemble(solved: SolvedScene, everybody: Sequence[PersonOfScene], reconstruction: Reconstruction) -> SceneResult:
@@ -35,14 +33,13 @@ def assemble(solved: SolvedScene, everybody: Sequence[PersonOfScene], reconstruc
     solved = replace(solved, bundle=solved.bundle.scaled(factor))
     reference = solved.photos[solved.reference]
     photos = _photos(solved, everybody, reconstruction, scales)
-    people = _people(solved.photos, everybody, reconstruction)
+    people = _people(solved.photos, everybody)
     others = [photo for photo in photos if photo.index != reference.index]
     checks = (
         *checks_of_keypoints(reconstruction, others),
         *checks_of_cameras(_solved_views(solved), solved.rows),
     )
     reconstruction = with_checks(reconstruction, checks)
-    points, colors = _merged_points(reconstruction, photos, reference.index)
     names = {photo.index: photo.name for photo in photos}
     moved = [_move(one, names) for one in people if one.moved]
     unseen = [_not_shown(one, reference.name, names) for one in people if reference.index not in one.views]
@@ -59,8 +56,6 @@ def assemble(solved: SolvedScene, everybody: Sequence[PersonOfScene], reconstruc
         photos=photos,
         people=people,
         left_out=solved.left_out,
-        points=points,
-        colors=colors,
         notes=(first, *left_out, *moved),
         diagnostics=dict(solved.diagnostics),
     )
@@ -130,9 +125,7 @@ def _photos(
     return tuple(found)
 
 
-def _people(
-    photos: Sequence[ScenePhoto], everybody: Sequence[PersonOfScene], reconstruction: Reconstruction
-) -> tuple[ScenePerson, ...]:
+def _people(photos: Sequence[ScenePhoto], everybody: Sequence[PersonOfScene]) -> tuple[ScenePerson, ...]:
     """Return all people but those whom the reference photo alone shows."""
     numbered = [(one.number, row, one) for row, one in enumerate(everybody) if one.number is not None]
     return tuple(
@@ -140,29 +133,6 @@ def _people(
             views=tuple(photos[v].index for v in sorted({**one.elsewhere, **one.shown})),
             row=row,
             moved=bool(one.elsewhere),
-            parameters=reconstruction.people[row].parameters,
-            vertices=reconstruction.people[row].vertices,
-            joints=reconstruction.people[row].joints,
         )
         for _, row, one in sorted(numbered, key=lambda entry: entry[0])
     )
-
-
-def _merged_points(
-    reconstruction: Reconstruction, photos: Sequence[SolvedPhoto], reference: int
-) -> tuple[FloatArray, UInt8Array]:
-    """Return points (M, 3) and colours (M, 3) of the scenes of all photos in the reference frame."""
-    points, colors = [], []
-    for photo in photos:
-        own, camera = photo.index == reference, photo.camera
-        scene = reconstruction.scene if own else photo.result.scene
-        chosen = scene.valid & np.isfinite(scene.points).all(-1)
-        every = max(1, int(chosen.sum()) // _POINTS)
-        xyz: FloatArray = scene.points[chosen][::every].astype(np.float64)
-        if not own:
-            # The solved focal length moves points of the photo alone across the ray.
-            zoom = photo.result.intrinsics.fx / camera.intrinsics.fx
-            xyz = camera.to_common(photo.scene_scale * xyz * [zoom, zoom, 1.0])
-        points.append(xyz.astype(np.float32))
-        colors.append(scene.colors[chosen][::every])
-    return np.concatenate(points), np.concatenate(colors)

@@ -20,8 +20,7 @@ from physic_scene.people import people_of_scene
 from physic_scene.photos import ScenePhoto, choose_photos, skipped_photo
 from physic_scene.reference import ReferenceInput, solve_reference
 from physic_scene.result import assemble
-from physic_scene.solution import MOST_OFF, SolvedScene, solve_scene
-from physic_scene.triangulation import rig_unit
+from physic_scene.solution import SolvedScene, solve_scene
 
 if TYPE_CHECKING:
     import os
@@ -38,9 +37,6 @@ if TYPE_CHECKING:
 
 FEWEST, MOST = 2, 8
 """Numbers of photos."""
-
-_UNITS = {"millimetres": 0.001, "centimetres": 0.01, "inches": 0.0254, "feet": 0.3048}
-_OTHER_UNIT = 1.5  # larger factors are no error of people's sizes
 
 
 class ScenePipeline:
@@ -208,7 +204,6 @@ class ScenePipeline:
             for i, name in enumerate(names)
             if results[i] is None
         ]
-        _check_unit(rig_unit([photo.people for photo in photos], MOST_OFF))
         solved = solve_scene(choose_photos(photos, empty), model)
         if several:
             solved.first("statures")
@@ -241,37 +236,6 @@ def _require_same_people(
             raise BackendError(
                 f"{name} shows other people in its second run: its segmenter does not repeat its results"
             )
-
-
-def reconstruct_scene(
-    photos: Sequence[PhotoSource],
-    config: Config | Mapping[str, Any] | str | os.PathLike[str] | None = None,
-    *,
-    cameras: Sequence[KnownCamera | None] | None = None,
-    known: KnownSizes | None = None,
-    progress: Progress | None = None,
-) -> SceneResult:
-    """Reconstruct one moment from two to eight photos; for several moments, :class:`ScenePipeline` loads backends once.
-
-    Arguments, result and errors are those of :class:`ScenePipeline` and its call.
-    """
-    with ScenePipeline(config) as scene:
-        return scene(photos, cameras=cameras, known=known, progress=progress)
-
-
-def _check_unit(unit_m: float | None) -> None:
-    """Check that the unit of known poses, as people show it, is the metre.
-
-    Raises:
-        InputError: it is not.
-    """
-    if unit_m is not None and not 1 / _OTHER_UNIT < unit_m < _OTHER_UNIT:
-        near = {name: length for name, length in _UNITS.items() if 1 / _OTHER_UNIT < unit_m / length < _OTHER_UNIT}
-        name, length = next(iter(near.items()), (f"{unit_m:.2g} m", unit_m))
-        raise InputError(
-            f"the known cameras are not in metres: by the sizes of the people, their unit is {unit_m:.2g} m, which "
-            f"looks like {name}; give --camera-unit {length:.2g} (unit_m of read_calibration in Python)"
-        )
 
 
 def _check_number(count: int, **of_photos: Sequence[object] | None) -> None:

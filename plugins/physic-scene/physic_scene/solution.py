@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from physic_scene.observations import PhotoPeople
     from physic_scene.types import SkippedPhoto
 
-MOST_OFF = 0.06
+_MOST_OFF = 0.06
 """Largest median distance of a person's solved keypoints from those of a photo, as a share of the stature in px: the
 bound of ``view_keypoints``. Of 30 pairs of photos of a rig, right matches have up to 0.032."""
 
@@ -100,7 +100,7 @@ def solve_scene(chosen: ChosenPhotos, model: BodyModel) -> SolvedScene:
     moved = chosen.rows[:0]
     while True:
         found = _adjusted(chosen)
-        bad = found.errors > MOST_OFF
+        bad = found.errors > _MOST_OFF
         view = _view_that_does_not_fit(bad, found.errors)
         if view is not None and len(chosen.photos) == 2:
             raise InputError(

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.errors import InputError
+
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
     from physic_scene.bundle import MomentObservations
-    from physic_scene.observations import PhotoPeople
     from physic_scene.rigid import CameraPose
 
 _SEEN = 0.3  # confidence of a keypoint
 _FEWEST = 4  # triangulated keypoints, or bones, that give a size
+_UNITS = {"millimetres": 0.001, "centimetres": 0.01, "inches": 0.0254, "feet": 0.3048}
+_OTHER_UNIT = 1.5  # larger factors are no error of people's sizes
 _LEAST_ANGLE = 1e-3  # smallest eigenvalue of the normal matrix of two rays: an angle of 2.6 degrees
 
 
@@ -42,45 +44,15 @@ def triangulate(points: FloatArray, weight: FloatArray, K: FloatArray, poses: Se
     return found
 
 
-def rig_unit(photos: Sequence[PhotoPeople], most_off: float) -> float | None:
-    """Return the length of the unit of known poses, metres, by the depths of people in single photos.
-
-    Every two people of two photos are triangulated; those whose keypoints agree are taken to be the same person.
-
-    Args:
-        photos: with their poses, in an unknown unit.
-        most_off: largest median distance of keypoints that agree, as a share of the stature in px.
-
-    Returns:
-        The median over people, or None if no person is in two photos of known pose.
-    """
-    found = []
-    for one, two in itertools.combinations([photo for photo in photos if photo.pose is not None], 2):
-        for i, j in np.ndindex(len(one), len(two)):
-            seen = np.stack([one.confidence[i], two.confidence[j]])
-            both = (seen > _SEEN).all(0)
-            points = np.stack([one.points[i], two.points[j]])
-            poses = [photo.pose for photo in (one, two) if photo.pose is not None]
-            at = triangulate(points, seen * both, np.stack([one.K, two.K]), poses)
-            both &= np.isfinite(at).all(1)
-            if both.sum() < _FEWEST:
-                continue
-            for photo, row, pose in ((one, i, poses[0]), (two, j, poses[1])):
-                local = pose.to_camera(at[both])
-                pixels = local @ photo.K.T
-                off = np.linalg.norm(pixels[:, :2] / pixels[:, 2:] - photo.points[row, both], axis=1)
-                if not (local[:, 2] > 0).all() or np.median(off) > most_off * photo.size_px[row]:
-                    break
-                found.append(float(np.median(photo.landmarks[row, both, 2] / local[:, 2])))
-    return float(np.median(found)) if found else None
-
-
 def sizes_by_cameras(observations: MomentObservations, poses: Sequence[CameraPose]) -> FloatArray:
     """Return the factor (P,) on the bones of each person that known cameras give; the median where they do not.
 
     Args:
         observations: of all photos.
         poses: of all cameras; those of known ones are used.
+
+    Raises:
+        InputError: the poses are not in metres, by the sizes of the people.
     """
     own = np.flatnonzero(observations.known)
     factor = np.full(observations.shown.shape[1], np.nan)
@@ -92,5 +64,14 @@ def sizes_by_cameras(observations: MomentObservations, poses: Sequence[CameraPos
         ratio = np.linalg.norm(at[a] - at[b], axis=1) / observations.bone_m[p]
         if np.isfinite(ratio).sum() >= _FEWEST:
             factor[p] = np.exp(np.nanmedian(np.log(ratio)))
-    factor[np.isnan(factor)] = np.nanmedian(factor) if np.isfinite(factor).any() else 1.0
+    every = float(np.nanmedian(factor)) if np.isfinite(factor).any() else 1.0
+    if not 1 / _OTHER_UNIT < every < _OTHER_UNIT:
+        unit = 1 / every
+        near = {name: length for name, length in _UNITS.items() if 1 / _OTHER_UNIT < unit / length < _OTHER_UNIT}
+        name, length = next(iter(near.items()), (f"{unit:.2g} m", unit))
+        raise InputError(
+            f"the known cameras are not in metres: by the sizes of the people, their unit is {unit:.2g} m, which "
+            f"looks like {name}; give --camera-unit {length:.2g} (unit_m of read_calibration in Python)"
+        )
+    factor[np.isnan(factor)] = every
     return factor

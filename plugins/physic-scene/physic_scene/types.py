@@ -10,7 +10,7 @@ from physic_core.types.short_repr import ShortRepr
 from physic_scene.rigid import CameraPose
 
 if TYPE_CHECKING:
-    from physic_core.types import BodyParameters, FloatArray, Intrinsics, Reconstruction, UInt8Array
+    from physic_core.types import Intrinsics, Reconstruction
 
 
 @dataclass(frozen=True)
@@ -73,24 +73,18 @@ class SolvedPhoto(ShortRepr):
 
 @dataclass(frozen=True)
 class ScenePerson(ShortRepr):
-    """One person of the scene, in the reference frame, metres.
+    """One person of the scene.
 
     Attributes:
         views: index of the photos that show the person, as they were given.
-        row: index in ``SceneResult.reconstruction.people``.
+        row: index in ``SceneResult.reconstruction.people``, which has the body.
         moved: whether the photos show the person in different poses or places. The body is then that of the reference
             photo alone, or of the first photo that shows the person.
-        parameters: body, a batch of one.
-        vertices: (V, 3).
-        joints: (55, 3).
     """
 
     views: tuple[int, ...]
     row: int
     moved: bool
-    parameters: BodyParameters
-    vertices: FloatArray
-    joints: FloatArray
 
     @property
     def solved(self) -> bool:
@@ -109,8 +103,6 @@ class SceneResult(ShortRepr):
         people: whom at least two photos show, then whom one photo but the reference shows; ``row`` joins them to
             ``reconstruction.people``.
         left_out: photos that are not part of the solution.
-        points: (M, 3) float32 of the scenes of all photos, without people.
-        colors: (M, 3) uint8 of the points.
         notes: sentences for the user.
         diagnostics: numbers of matching and cameras.
     """
@@ -120,8 +112,6 @@ class SceneResult(ShortRepr):
     photos: tuple[SolvedPhoto, ...]
     people: tuple[ScenePerson, ...]
     left_out: tuple[SkippedPhoto, ...]
-    points: FloatArray
-    colors: UInt8Array
     notes: tuple[str, ...]
     diagnostics: Mapping[str, Any]
 

@@ -44,7 +44,7 @@ class PersonRecord:
     Attributes:
         grade: of :class:`physic_core.types.Grade`, or None.
         score: of the detection, in [0, 1].
-        box: x0 y0 x1 y1 px, or None if only other photos show the person.
+        box: x0 y0 x1 y1 px, or None if the photo does not show the person.
         color: of the person's number, sRGB.
         tint: of the body, sRGB.
         posed: whether there is a finite body; without one, the distances are None.
