@@ -79,7 +79,7 @@ def saved_pair(tmp_path_factory: pytest.TempPathFactory) -> Path:
     world = build_world("sit_side_by_side", 0, (160, 120))
     overrides = ["run.cache=false", "engine.joint.optimiser.steps=3"]  # enough for the files
     folder = tmp_path_factory.mktemp("saved") / "out"
-    reconstruct(world.image, load_config(preset="mock", overrides=overrides)).save(str(folder), "exact+glb")
+    reconstruct(world.image, load_config(preset="mock", overrides=overrides)).save(str(folder), "pictures")
     return folder
 
 

@@ -46,7 +46,7 @@ def run(
         place["PYTHONPYCACHEPREFIX"] = str(bytecode)
         cost = run_measured(command, env=place)
         document = json.loads(Path(folder, "out", "reconstruction.json").read_bytes())
-    called = [stage["name"] for stage in document["stages"] if stage["backend"] and not stage["cached"]]
+    called = [stage["name"] for stage in document["stages"] if stage["provenance"] and not stage["cached"]]
     return cost.cpu_s, called
 
 

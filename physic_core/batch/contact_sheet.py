@@ -19,8 +19,8 @@ from physic_core.batch.thumbnails import thumbnail_path
 from physic_core.errors import InputError, PhysicError
 from physic_core.files.atomic import atomic_write, check_writable
 from physic_core.files.own import check_own
-from physic_core.io.document import read_document
 from physic_core.io.result_folder import ARRAYS_FILE, DOCUMENT_FILE, PREVIEW_FILE, REPORT_FILE
+from physic_core.io.result_record import read_record
 from physic_core.io.results import read_image
 
 _MAX_PHOTOS = 5000
@@ -156,16 +156,13 @@ def _result_card(folder: Path, result: Path) -> dict[str, Any]:
     card: dict[str, Any] = {"name": name, "title": name, "link": _result_link(folder, name), "thumbnail": ""}
     card |= {"error": "", "message": "", "grade": "", "people": 0, "checks": []}
     try:
-        document = read_document(result)
+        record = read_record(result)
         thumbnail = _thumbnail(result)
     except PhysicError as error:
         return card | {"state": "failed", "error": "InputError", "message": str(error).replace(f"{folder}{os.sep}", "")}
-    numbers = {"grade": str(document.get("grade") or ""), "checks": _failed(document)}
-    return card | numbers | {"state": "done", "people": len(document["people"]), "thumbnail": thumbnail}
-
-
-def _failed(document: Mapping[str, Any]) -> list[str]:
-    return list(dict.fromkeys(str(c["name"]) for c in document["checks"] if c["state"] == "failed"))
+    failed = list(dict.fromkeys(check.name for check in record.checks if check.failed))
+    numbers = {"grade": str(record.grade or ""), "checks": failed}
+    return card | numbers | {"state": "done", "people": len(record.people), "thumbnail": thumbnail}
 
 
 def _thumbnail(result: Path) -> str:
@@ -178,9 +175,10 @@ def _thumbnail(result: Path) -> str:
 
     from PIL import Image
 
-    if not (result / ARRAYS_FILE).exists():
+    found = read_image(result)
+    if found is None:
         return ""
-    image = Image.fromarray(read_image(result))
+    image = Image.fromarray(found)
     image.thumbnail(_THUMBNAIL)
     buffer = io.BytesIO()
     image.save(buffer, "JPEG", quality=72)

@@ -18,7 +18,6 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from physic_core.errors import OutputError
-from physic_core.files.atomic import sync_folder
 from physic_core.files.own import foreign_file, open_to_append
 from physic_core.files.strict_json import from_json, parse_json, to_json
 
@@ -36,10 +35,10 @@ COLUMNS: Mapping[str, str] = {
     "bytes": "size of the file; empty if it cannot be found",
     "modified": "modification time of the file, ns since 1970",
     "config": "digest of the settings that the result depends on",
-    "save": "what was saved, such as numbers+preview",
+    "save": "what was saved: pictures, numbers, people or none",
     "folder": "of the results, relative to the output folder; empty without files",
-    "files": "names and sizes of the files, such as people.npz=2048 thumbnail=512",
-    "result": "SHA-256 of the arrays, or of the picture if there are none; empty without files",
+    "files": "names and sizes of the files, such as reconstruction.npz=2048 thumbnail=512",
+    "result": "SHA-256 of the arrays; empty without files",
     "version": "of physic-core",
     "grade": "of the result: good, doubtful or bad",
     "checks_failed": "names of the failed self-checks, separated by spaces",
@@ -83,7 +82,6 @@ class Journal:
                 self._file = opened.enter_context(open_to_append(path))
                 self._end_torn_line()
                 self._run = 1 + read_journals(path.parent, ()).run
-                sync_folder(path.parent)
             except Timeout:
                 raise OutputError(
                     f"another batch is writing {path}: wait for its end, or name another folder"

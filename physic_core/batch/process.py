@@ -24,12 +24,10 @@ from physic_core.batch.thumbnails import write_thumbnail
 from physic_core.configuration.model import as_config
 from physic_core.configuration.resolve import require_available, resolve
 from physic_core.discovery.plugins import core_version, discover
-from physic_core.errors import OutputError
+from physic_core.errors import ConfigError, OutputError
 from physic_core.files.atomic import check_writable
-from physic_core.io.saved_files import Saving
-from physic_core.io.saving import save_reconstruction
+from physic_core.io.results import SAVE, save_reconstruction
 from physic_core.types.person_rows import person_rows
-from physic_core.visual.report import require_report
 
 if TYPE_CHECKING:
     from physic_core.configuration.model import Config
@@ -47,7 +45,7 @@ class BatchJob:
     Attributes:
         config: of the pipeline; see :func:`physic_core.batch.settings.batch_config`.
         out: absolute path of the output folder.
-        save: which files are written for each photo, such as "numbers+preview".
+        save: which files are written for each photo, one of :data:`physic_core.io.results.SAVE`, or "none".
         thumbnails: whether to write a thumbnail of each photo for the contact sheet.
     """
 
@@ -55,11 +53,6 @@ class BatchJob:
     out: str
     save: str
     thumbnails: bool = True
-
-    @cached_property
-    def saving(self) -> Saving:
-        """The files that ``save`` names."""
-        return Saving.parse(self.save)
 
     def digest(self, item: PhotoItem) -> str:
         """Return the digest of the settings that the result of a photo depends on."""
@@ -106,9 +99,7 @@ class PhotoProcessor:
         try:
             result = self._reconstruct(item.path, item.settings)
             self._save(result, item)
-            files = file_sizes_text(
-                Path(self.job.out), photo_folder(item.id), self.job.saving, thumbnails=self.job.thumbnails
-            )
+            files = file_sizes_text(Path(self.job.out), photo_folder(item.id), thumbnails=self.job.thumbnails)
         except Exception as error:  # whatever a photo causes costs this photo alone
             if isinstance(error, OutputError) and isinstance(error.__cause__, OSError):
                 raise  # of the disk, which concerns every photo
@@ -120,7 +111,7 @@ class PhotoProcessor:
             "state": "done",
             "seconds": time.perf_counter() - start - loading,
             "photo": result.photo,
-            "folder": photo_folder(item.id) if self.job.saving.main_file else "",
+            "folder": photo_folder(item.id) if self.job.save != "none" else "",
             "files": files,
             "checks_failed": " ".join(failed),
             "peak_mb": peak_memory_mb(),
@@ -131,14 +122,8 @@ class PhotoProcessor:
 
     def _save(self, result: Reconstruction, item: PhotoItem) -> None:
         out, folder = Path(self.job.out), photo_folder(item.id)
-        save_reconstruction(
-            result,
-            out / folder,
-            self.job.save,
-            title=Path(item.path).name,
-            overwrite=True,
-            earlier=item.replaces,
-        )
+        if self.job.save != "none":
+            save_reconstruction(result, out / folder, self.job.save, overwrite=True, earlier=item.replaces)
         if self.job.thumbnails:
             write_thumbnail(result, out, folder)
 
@@ -185,10 +170,10 @@ def base_row(job: BatchJob, item: PhotoItem) -> dict[str, Any]:
         "bytes": size,
         "modified": modified,
         "config": job.digest(item),
-        "save": str(job.saving),
+        "save": job.save,
         "folder": "",
         "files": "",
-        "result": result_digest(Path(job.out, photo_folder(item.id)), job.saving),
+        "result": result_digest(Path(job.out, photo_folder(item.id))) if job.save != "none" else "",
         "version": core_version(),
         "grade": "",
         "checks_failed": "",
@@ -199,7 +184,7 @@ def base_row(job: BatchJob, item: PhotoItem) -> dict[str, Any]:
 def prepare_job(
     config: Config | str | os.PathLike[str] | Mapping[str, Any] | None,
     out: str | os.PathLike[str],
-    save: str | Saving,
+    save: str,
     *,
     thumbnails: bool = True,
     cache: bool = False,
@@ -211,7 +196,7 @@ def prepare_job(
     Args:
         config: as of :class:`physic_core.Pipeline`.
         out: output folder.
-        save: the files of each photo, such as "numbers+preview".
+        save: the files of each photo, one of :data:`physic_core.io.results.SAVE`, or "none".
         thumbnails: whether to write a thumbnail of each photo.
         cache: whether to use the cache of backends' outputs.
         registry: of the backends; the installed ones if None.
@@ -220,13 +205,12 @@ def prepare_job(
     Raises:
         ConfigError: the configuration or ``save`` is not valid.
         WeightsMissingError: weights are missing.
-        PackageMissingError: pages are to be written, and no installed plugin makes them.
         OutputError: the folder cannot be written.
     """
-    registry, saving = discover() if registry is None else registry, Saving.parse(save)
+    if save not in (*SAVE, "none"):
+        raise ConfigError(f"what to save is one of {', '.join(SAVE)}, none (got '{save}')")
+    registry = discover() if registry is None else registry
     settings = batch_config(as_config(config), registry, cache=cache)
     require_available(resolve(settings, registry))
-    if saving.report:
-        require_report()
     folder = (check_writable(Path(out)) if write else Path(out)).resolve()
-    return BatchJob(settings, str(folder), str(saving), thumbnails)
+    return BatchJob(settings, str(folder), save, thumbnails)

@@ -13,7 +13,7 @@ from typing import Any
 from physic_core.batch.journal import Journal, read_journals
 from physic_core.batch.photos import PhotoItem, photo_folder
 from physic_core.batch.process import BatchJob, PhotoProcessor, failed_row
-from physic_core.batch.result_files import is_complete, names_of_files, result_digest
+from physic_core.batch.result_files import is_complete, sizes_of_files
 from physic_core.batch.workers import Outcome, WorkerSettings, run_in_workers
 from physic_core.files.atomic import check_writable
 from physic_core.io.result_folder import file_digest
@@ -75,7 +75,7 @@ def plan_batch(items: Iterable[PhotoItem], job: BatchJob, *, retry_failed: bool 
             todo.append(item)
             count["changed"] += 1
         elif not _has_its_files(row, item, job):
-            todo.append(replace(item, replaces=names_of_files(row)))
+            todo.append(replace(item, replaces=tuple(sizes_of_files(row))))
             count["lost"] += 1
         elif row["state"] == "failed" and retry_failed:
             todo.append(item)
@@ -146,7 +146,7 @@ def outcome_row(job: BatchJob, outcome: Outcome[PhotoItem]) -> dict[str, Any]:
 
 def _is_current(row: Mapping[str, Any], item: PhotoItem, job: BatchJob) -> bool:
     item = item.stamped()
-    if row["config"] != job.digest(item) or row.get("save") != str(job.saving):
+    if row["config"] != job.digest(item) or row.get("save") != job.save:
         return False
     if item.stamp is None:
         return row.get("bytes") is None
@@ -156,9 +156,8 @@ def _is_current(row: Mapping[str, Any], item: PhotoItem, job: BatchJob) -> bool:
 
 
 def _has_its_files(row: Mapping[str, Any], item: PhotoItem, job: BatchJob) -> bool:
-    out, folder = Path(job.out), photo_folder(item.id)
-    # After a kill between a result and its row, the files are those of a later run with other settings.
-    found = result_digest(out / folder, job.saving)
-    if found != row.get("result") or (row["state"] == "done" and job.saving.main_file and not found):
+    if job.save == "none":
+        return True
+    if row["state"] == "done" and not row.get("result"):
         return False
-    return row["state"] == "failed" or is_complete(out, folder, row, job.saving)
+    return is_complete(Path(job.out, photo_folder(item.id)), row)

@@ -11,7 +11,7 @@ import numpy as np
 from physic_core.body.convert.correspondence import CORRESPONDENCE_VERSION, Correspondence, find_correspondence
 from physic_core.cache.claim import claimed_cache
 from physic_core.errors import OutputError
-from physic_core.files.archive import DamagedFileError, read_archive, write_archive
+from physic_core.files.plain import DamagedFileError, read_value, write_value
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -46,24 +46,18 @@ def _digest(rest: RestMesh, model: BodyModel) -> str:
 
 def _read(path: Path, vertices: int, others: int) -> Correspondence | None:
     try:
-        file, name = read_archive(path)
-        found = Correspondence(file["corners"].astype(np.int64), file["shares"].astype(np.float64), file["sure"])
-    except (OSError, DamagedFileError, KeyError, ValueError):
+        found: Correspondence = read_value(path, [Correspondence], {"name": path.name})
+    except (OSError, DamagedFileError):
         return None  # missing or damaged: it is computed again
     shapes = [found.corners.shape, found.shares.shape, found.sure.shape]
     fits = shapes == [(vertices, 3), (vertices, 3), (vertices,)] and found.corners.min(initial=0) >= 0
-    return found if name == path.name and fits and found.corners.max(initial=0) < others else None
+    return found if fits and found.corners.max(initial=0) < others else None
 
 
 def _write(path: Path, found: Correspondence) -> None:
     """Store a map; a disk error is ignored, since the map can be computed again in seconds."""
-    arrays = {
-        "corners": found.corners.astype(np.int32),
-        "shares": found.shares.astype(np.float32),
-        "sure": found.sure,
-    }
     with suppress(OSError, OutputError):
-        write_archive(path, arrays, path.name, stored="iuf")
+        write_value(path, found, {"name": path.name})
 
 
 def _plain(name: str) -> str:

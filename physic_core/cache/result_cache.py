@@ -23,11 +23,11 @@ from physic_core.cache.digest import Digester
 from physic_core.cache.file_hashes import files_named_by
 from physic_core.cache.folders import CACHES
 from physic_core.cache.lru_folder import LruFolder
-from physic_core.cache.stored_results import restore_result, split_result
+from physic_core.cache.stored_results import KINDS, restored
 from physic_core.discovery.plugins import required_versions
 from physic_core.errors import OutputError
-from physic_core.files.archive import DamagedFileError, read_archive, write_archive
 from physic_core.files.npz import MAX_ARRAY_BYTES
+from physic_core.files.plain import Arrays, DamagedFileError, read_value, split, write_value
 from physic_core.interfaces import INTERFACES
 
 if TYPE_CHECKING:
@@ -36,10 +36,7 @@ if TYPE_CHECKING:
     from physic_core.interfaces import Backend
     from physic_core.types import Provenance
 
-_STORED = "iufc"
-"""Kinds of dtype that are stored without compression: numbers compress badly, masks and texts well."""
-
-_VERSION = 3
+_VERSION = 4
 """Version of the file format; increase it if old files would be read differently or fail a stricter validation."""
 
 
@@ -121,13 +118,10 @@ class ResultCache:
         """Read a cached result; None if the cache has none. Delete a file that is damaged or has another key."""
         path = self._folder / key.name
         try:
-            arrays, document = read_archive(path)
-            if document["name"] != key.name:
-                raise DamagedFileError(f"it is a copy of {document['name']}")
-            result: object = restore_result(arrays, document["result"])
+            result: object = read_value(path, KINDS, {"name": key.name})
         except OSError:
             return None
-        except Exception as error:  # any error of a dataclass that gets unexpected fields
+        except DamagedFileError as error:
             self.discard(key, str(error))
             return None
         self._files.mark_used(key.name)
@@ -147,14 +141,14 @@ class ResultCache:
     def write(self, key: CacheKey, result: object) -> None:
         """Write a result to the cache if its types can be stored; a disk error only adds a note."""
         try:
-            arrays, document = split_result(result)
+            arrays: Arrays = {}
+            split(restored(result), arrays)
         except TypeError:
             return
         if sum(array.nbytes for array in arrays.values()) > min(self._limit, MAX_ARRAY_BYTES // 2):
             return
-        document = {"name": key.name, "result": document, "backend": key.backend}
         try:
-            write_archive(self._folder / key.name, arrays, document, stored=_STORED)
+            write_value(self._folder / key.name, result, {"name": key.name, "backend": key.backend})
             self._written = True
         except (OSError, OutputError) as error:
             if (self._folder / key.name).is_dir():  # it blocks only this file

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import copy
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_origin
 
 import numpy as np
+from numpy.typing import NDArray
 
 from physic_core import types
-from physic_core.files.archive import join_arrays, split_arrays
+from physic_core.files.plain import Arrays, join, split
 
 _T = TypeVar("_T")
 
-_CLASSES = (
+KINDS = (
     types.Bodies,
     types.BodyParameters,
     types.ContactProbability,
@@ -27,7 +28,10 @@ _CLASSES = (
     types.Skeleton,
     types.SurfaceLabels,
     types.UnposedPerson,
+    NDArray[Any],
+    tuple[NDArray[Any], ...],
 )
+"""Types of results that can be stored; the last one is that of networks."""
 
 
 def canonicalize(result: _T) -> _T:
@@ -37,34 +41,28 @@ def canonicalize(result: _T) -> _T:
     arrays again; NumPy scalars become Python numbers. Of a result that cannot be stored, a deep copy is returned.
     """
     try:
-        arrays, document = split_result(result)
+        return restored(result, copies=True)
     except TypeError:
         return copy.deepcopy(result)
-    copies = {name: np.array(array, order="C") for name, array in arrays.items()}
-    same: _T = restore_result(copies, document)
-    return same
 
 
-def split_result(result: object) -> tuple[dict[str, Any], Any]:
-    """Split a result into C-contiguous arrays and a JSON-ready document.
+def restored(result: _T, *, copies: bool = False) -> _T:
+    """Return a result as it is after it was stored, with its own arrays or with C-contiguous copies.
 
     Raises:
         TypeError: it cannot be stored.
     """
-    arrays, document = split_arrays(result)
+    arrays: Arrays = {}
+    kind = next((one for one in KINDS if type(result) is (get_origin(one) or one)), None)
+    if kind is None:
+        raise TypeError(f"a {type(result).__name__} cannot be stored.")
+    document = split(result, arrays)
     if any(array.dtype.hasobject for array in arrays.values()):
         raise TypeError("an array of Python objects cannot be stored.")
-    restore_result(arrays, document)
-    return {name: np.asarray(array, order="C") for name, array in arrays.items()}, document
-
-
-def restore_result(arrays: dict[str, Any], document: Any) -> Any:
-    """Restore a result from :func:`split_result`.
-
-    Raises:
-        TypeError: the document names another class, or does not fit its class.
-    """
+    if copies:
+        arrays = {name: np.array(array, order="C") for name, array in arrays.items()}
     try:
-        return join_arrays(arrays, document, _CLASSES)
-    except (KeyError, AttributeError) as error:
-        raise TypeError(f"{error} cannot be part of a result.") from error
+        same: _T = join(kind, document, arrays)
+    except ValueError as error:
+        raise TypeError(f"{error}: it cannot be stored.") from error
+    return same

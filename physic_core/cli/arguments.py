@@ -8,14 +8,9 @@ import re
 import shlex
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
-
-from physic_core.errors import ConfigError
-
-if TYPE_CHECKING:
-    from physic_core.io.saved_files import Saving
 
 
 class AnyPath(click.ParamType[Path]):
@@ -27,20 +22,6 @@ class AnyPath(click.ParamType[Path]):
         if not str(value):
             self.fail("it is empty: name a file or a folder", param, ctx)
         return Path(value)
-
-
-class SavedFiles(click.ParamType["Saving"]):
-    """Words of :mod:`physic_core.io.saved_files`, such as numbers+preview."""
-
-    name = "WORDS"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Saving:
-        from physic_core.io.saved_files import Saving
-
-        try:
-            return Saving.parse(value)
-        except ConfigError as error:
-            self.fail(str(error), param, ctx)
 
 
 def configuration_options(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from physic_core.cli.arguments import SavedFiles, configuration_options
+from physic_core.cli.arguments import configuration_options
 from physic_core.cli.output import echo
 from physic_core.files.quoting import printable
 
@@ -18,14 +18,15 @@ if TYPE_CHECKING:
     from physic_core.batch.process import BatchJob
     from physic_core.batch.run import BatchPlan, Executor
 
-_SAVE = "Files per photo, as in physic run; summary: none. +preview, +glb, +report add files: numbers+preview."
+_SAVE = "Files per photo, as in physic run; none: a row of the tables alone."
+_LEVELS = ("pictures", "numbers", "people", "none")
 
 
 @click.command()
 @click.argument("photos", nargs=-1, required=True)
 @click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="Folder for all results.")
 @click.option("--workers", type=click.IntRange(1, 1024), help="Worker processes. [default: by cores and memory]")
-@click.option("--save", "saving", type=SavedFiles(), default="numbers", show_default=True, help=_SAVE)
+@click.option("--save", type=click.Choice(_LEVELS), default="numbers", show_default=True, help=_SAVE)
 @click.option("--no-thumbnails", is_flag=True, help="Write no thumbnails and no contact sheet.")
 @click.option(
     "--table", type=click.Choice(("parquet", "csv")), help="Summary format. [default: parquet with pyarrow, else csv]"
@@ -112,12 +113,12 @@ def _job(out: Path, options: Mapping[str, Any], *, write: bool) -> BatchJob:
     from physic_core.discovery.plugins import discover
 
     file, preset, device = options["file"], options["preset"], options["device"]
-    saving, thumbnails = options["saving"], not options["no_thumbnails"]
+    save, thumbnails = options["save"], not options["no_thumbnails"]
     registry = discover()
     flags = {"--device": {"run": {"device": device}}} if device else {}
     config = load_checked_config(registry, file, preset=preset, overrides=options["overrides"], flags=flags)
     cache = options["cache"]
-    return prepare_job(config, out, saving, thumbnails=thumbnails, cache=cache, registry=registry, write=write)
+    return prepare_job(config, out, save, thumbnails=thumbnails, cache=cache, registry=registry, write=write)
 
 
 def _executor(logs: Path, options: Mapping[str, Any]) -> Executor:

@@ -25,14 +25,13 @@ def reserve_folder(
         OutputError: the folder cannot be written, or user data would be lost.
     """
     from physic_core.files.atomic import check_writable
-    from physic_core.io.result_folder import check_overwrite
+    from physic_core.io.result_folder import FILES, Replaced, check_overwrite
 
     parts = [*reversed(folder.absolute().parents), folder.absolute()]
     new = [*made, *(part for part in parts if not os.path.exists(part))]  # Path.exists raises PermissionError
     try:
         if photo:
-            check_overwrite(folder, photo, overwrite=overwrite)
-            check_overwrite(folder, photo, overwrite=overwrite, names=beside)
+            check_overwrite(folder, Replaced(photo, overwrite), [*FILES, *beside])
         check_writable(folder)
         yield
     except BaseException:

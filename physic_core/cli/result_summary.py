@@ -6,18 +6,18 @@ import math
 import shutil
 import sys
 import textwrap
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 
 from physic_core.cli.output import echo, echo_json, format_table
-from physic_core.files.strict_json import from_json
-from physic_core.io.records import from_record, from_records
-from physic_core.io.result_folder import REPORT_FILE
-from physic_core.types import BodyContact, CheckResult, StageRecord, Support, summarize_checks
+from physic_core.files.plain import split
+from physic_core.io.result_folder import DOCUMENT_FILE, REPORT_FILE
+from physic_core.io.result_record import PersonRecord, ResultRecord, read_record
+from physic_core.types import CheckResult, UnposedPerson, summarize_checks
 from physic_core.types.metres_text import metres_text
 
 _HEAD = ("person", "grade", "distance", "likely contact", "why")
@@ -45,56 +45,52 @@ def print_summary(folder: Path, *, verbose: bool = False, as_json: bool = False,
     Raises:
         InputError: its ``reconstruction.json`` is missing, damaged, edited, or of another schema version.
     """
-    from physic_core.io.document import read_document
-
-    document = read_document(folder)
+    record = read_record(folder)
     if as_json:
-        echo_json(summary_record(document, folder))
+        echo_json(summary_record(record, folder))
         return
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
-    echo(summary_text(document, folder, width=width, verbose=verbose, seconds=seconds))
+    echo(summary_text(record, folder, width=width, verbose=verbose, seconds=seconds))
 
 
-def summary_record(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+def summary_record(record: ResultRecord, folder: Path) -> dict[str, Any]:
     """Return the summary of a result as one JSON object; lengths in metres.
 
     Args:
-        document: ``reconstruction.json`` of the result.
+        record: of the result.
         folder: of the result.
     """
-    stages = from_records(StageRecord, document["stages"])
+    people = [
+        {
+            "person": person.index,
+            "grade": person.grade,
+            "distance_m": _distance(person),
+            "distance_sigma_m": _distance_sigma(person, record),
+            "stature_m": person.stature,
+            "contact_vertices": person.contact_count,
+            "vertices": person.vertex_count,
+            "contacts": person.contacts,
+            "support": person.support,
+            "failed_checks": person.failed_checks,
+            "unknown_checks": person.unknown_checks,
+        }
+        for person in record.people
+    ]
     return {
         "folder": str(folder),
-        "files": document["files"],
-        "grade": document.get("grade"),
-        "people": [
-            {
-                "person": person["index"],
-                "grade": person.get("grade"),
-                "distance_m": _distance(person),
-                "distance_sigma_m": _distance_sigma(person, document),
-                "stature_m": from_json(person.get("stature")),
-                "contact_vertices": person["contact_vertices"],
-                "vertices": person["vertices"],
-                "contacts": person.get("contacts") or [],
-                "support": person.get("support"),
-                "failed_checks": person["failed_checks"],
-                "unknown_checks": person.get("unknown_checks", []),
-            }
-            for person in document["people"]
-        ],
-        "unposed": document.get("unposed", []),
-        "intrinsics": document["intrinsics"],
-        "checks": document.get("checks", []),
-        "notes": document["notes"],
-        "warnings": document["warnings"],
-        "seconds": sum(stage.seconds for stage in stages),
-        "load_seconds": sum(stage.load_seconds for stage in stages),
+        "files": [DOCUMENT_FILE, *record.files],
+        "people": split(people, {}),
+        **{
+            name: split(getattr(record, name), {})
+            for name in ("grade", "unposed", "intrinsics", "checks", "notes", "warnings")
+        },
+        "seconds": sum(stage.seconds for stage in record.stages),
+        "load_seconds": sum(stage.load_seconds for stage in record.stages),
     }
 
 
 def summary_text(
-    document: Mapping[str, Any],
+    record: ResultRecord,
     folder: Path,
     *,
     width: int | None = None,
@@ -104,14 +100,13 @@ def summary_text(
     """Return the summary of a result as text: a table of its people, its grade, and where its page is.
 
     Args:
-        document: ``reconstruction.json`` of the result.
+        record: of the result.
         folder: of the result.
         width: of the terminal, characters; None for lines of any length.
         verbose: whether to list the time of each stage, and each check that is not ok.
         seconds: taken by the whole command; None for the time of the result's stages.
     """
-    stages, people = from_records(StageRecord, document["stages"]), document["people"]
-    checks = from_records(CheckResult, document["checks"])
+    stages, people, checks = record.stages, record.people, record.checks
     found = {0: "no person, scene only", 1: "1 person"}.get(len(people), f"{len(people)} people")
     work, loading = (sum(getattr(stage, name) for stage in stages) for name in ("seconds", "load_seconds"))
     time = f"{work:.1f} s, plus {loading:.1f} s to load models"
@@ -121,75 +116,68 @@ def summary_text(
         count = f"{cached} of {len(backends)}"
         lines.append(f"{count} backend outputs come from the cache; --set run.cache=false runs them all")
     if people:
-        lines.append(_table([_row(person, checks, document) for person in people], width))
-    lines += [_no_body(one) for one in document.get("unposed", ())]
-    lines += [f"note: {text}" for text in document["notes"]]
-    lines += [f"warning: {text}" for text in document["warnings"]]
+        lines.append(_table([_row(person, record) for person in people], width))
+    lines += [_no_body(one) for one in record.unposed]
+    lines += [f"note: {text}" for text in record.notes]
+    lines += [f"warning: {text}" for text in record.warnings]
     if verbose:
         lines += [f"{stage.name}: {stage.seconds:.1f} s" for stage in stages]
         lines += [f"{_about(check)}{check}" for check in checks if not check.ok]
-    lines.append(f"grade: {document.get('grade') or 'none'}  (checks: {summarize_checks(checks)})")
+    lines.append(f"grade: {record.grade or 'none'}  (checks: {summarize_checks(checks)})")
     lines.append(f"results: {folder}{'' if str(folder).endswith('/') else '/'}")
-    if REPORT_FILE in document["files"]:
+    if REPORT_FILE in record.files:
         lines.append(f"page: {folder / REPORT_FILE}")
     return "\n".join(lines)
 
 
-def _row(person: Mapping[str, Any], checks: Sequence[CheckResult], document: Mapping[str, Any]) -> tuple[str, ...]:
+def _row(person: PersonRecord, record: ResultRecord) -> tuple[str, ...]:
     distance = _distance(person)
-    place = "-" if distance is None else metres_text(distance, _log_sigma(document), 1)
-    return str(person["index"]), person.get("grade") or "-", place, _contact(person), _reason(person, checks)
+    place = "-" if distance is None else metres_text(distance, record.scene.distance_sigma, 1)
+    return str(person.index), person.grade or "-", place, _contact(person), _reason(person, record.checks)
 
 
-def _contact(person: Mapping[str, Any]) -> str:
+def _contact(person: PersonRecord) -> str:
     """Return the shares of the body that probably touch each thing: "12 % floor, 3 % person 1".
 
     For a result that does not state what is touched: "12 % of the body".
     """
     if _distance(person) is None:
         return "-"
-    percent = 100 / max(1, person["vertices"])
-    if person.get("contacts") is None:
-        return f"{percent * person['contact_vertices']:.0f} % of the body"
-    shares = Counter[str]()
-    for one in from_records(BodyContact, person["contacts"]):
+    percent = 100 / max(1, person.vertex_count)
+    if not person.states_partners:
+        return f"{percent * person.contact_count:.0f} % of the body"
+    shares = defaultdict[str, float](float)
+    for one in person.contacts:
         if one.likely and one.partner.kind != "self":
             partner = one.partner
             shares[partner.title if partner.person is None else f"person {partner.person}"] += percent * one.vertices
     return ", ".join(f"{share:.0f} % {name}" for name, share in shares.items()) or "none"
 
 
-def _reason(person: Mapping[str, Any], checks: Sequence[CheckResult]) -> str:
+def _reason(person: PersonRecord, checks: Sequence[CheckResult]) -> str:
     """Return what decides a person's grade: failed checks, otherwise unmeasured checks, otherwise the support."""
-    own = [check for check in checks if check.person == person["index"] and not check.ok]
+    own = [check for check in checks if check.person == person.index and not check.ok]
     if failed := [str(check) for check in own if check.failed]:
         return "; ".join(failed)
-    if own and person.get("grade") != "good":
+    if own and person.grade != "good":
         return f"not measured: {', '.join(check.title for check in own)}"
-    support = None if person.get("support") is None else from_record(Support, person["support"])
-    return "-" if support is None else str(support)
+    return "-" if person.support is None else str(person.support)
 
 
-def _distance(person: Mapping[str, Any]) -> float | None:
+def _distance(person: PersonRecord) -> float | None:
     """Return the distance of a person's pelvis from the camera, metres; None without a body."""
-    pelvis = from_json(person["pelvis"])
+    pelvis = person.pelvis
     return math.hypot(*pelvis) if pelvis is not None and all(map(math.isfinite, pelvis)) else None
 
 
-def _log_sigma(document: Mapping[str, Any]) -> float | None:
-    sigma: float | None = from_json(document["scene"].get("distance_sigma"))
-    return sigma
-
-
-def _distance_sigma(person: Mapping[str, Any], document: Mapping[str, Any]) -> float | None:
+def _distance_sigma(person: PersonRecord, record: ResultRecord) -> float | None:
     """Return the standard deviation of the distance of a person, metres; None if it or the distance is not known."""
-    distance, sigma = _distance(person), _log_sigma(document)
+    distance, sigma = _distance(person), record.scene.distance_sigma
     return None if distance is None or sigma is None else distance * sigma
 
 
-def _no_body(one: Mapping[str, Any]) -> str:
-    box = ", ".join(f"{edge:.0f}" for edge in from_json(one["box"]))
-    return f"no body: {one['reason']}, box {box}, score {from_json(one['score']):.2f}"
+def _no_body(one: UnposedPerson) -> str:
+    return f"no body: {one.reason}, box {', '.join(f'{edge:.0f}' for edge in one.box)}, score {one.score:.2f}"
 
 
 def _about(check: CheckResult) -> str:

@@ -10,17 +10,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
-from physic_core.cli.arguments import AnyPath, SavedFiles, configuration_options, one_photo
+from physic_core.cli.arguments import AnyPath, configuration_options, one_photo
 from physic_core.cli.output import echo
 from physic_core.cli.output_folder import reserve_folder
 from physic_core.cli.run_messages import collect_plugin_messages, print_messages, show_progress
-
-if TYPE_CHECKING:
-    from physic_core.io.saved_files import Saving
 
 
 class _Numbers(click.ParamType[Any]):
@@ -55,9 +52,8 @@ def _setting(option: str, path: str, **attributes: Any) -> Callable[[Callable[..
 
 
 _SAVE = (
-    "Files in addition to the page. compact: arrays in their smaller form, preview, combined.glb. full: arrays as "
-    "computed, preview, all GLB files. exact: arrays as computed. numbers: arrays in their smaller form. people: "
-    "arrays of the people. +preview and +glb add files, as in numbers+preview."
+    "Files in addition to the page. numbers: JSON and arrays. pictures: the same, preview and combined.glb. people: "
+    "JSON and arrays of the people."
 )
 
 _OUT = (
@@ -73,7 +69,9 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
 @click.argument("photos", metavar="PHOTO", nargs=-1, required=True)
 @click.option("-o", "--out", type=AnyPath(), help=_OUT)
 @click.option("--overwrite", is_flag=True, help="Replace another photo's result.")
-@click.option("--save", "saving", type=SavedFiles(), default="compact", show_default=True, help=_SAVE)
+@click.option(
+    "--save", type=click.Choice(("pictures", "numbers", "people")), default="pictures", show_default=True, help=_SAVE
+)
 @click.option("--report/--no-report", default=None, help=_REPORT)
 @click.option("--open", "open_page", is_flag=True, help="Open the page in a browser.")
 @configuration_options
@@ -131,7 +129,7 @@ def run(
     photos: tuple[str, ...],
     out: Path | None,
     overwrite: bool,
-    saving: Saving,
+    save: str,
     report: bool | None,
     open_page: bool,
     file: Path | None,
@@ -147,8 +145,6 @@ def run(
         raise click.UsageError("--focal-px and --intrinsics both set the camera: give only one")
     if open_page and report is False:
         raise click.UsageError("--open opens the page, which --no-report skips: give only one")
-    if saving.level == "summary":
-        raise click.UsageError("--save summary writes no result and is only for batches: give another level")
     if verbose and quiet:
         raise click.UsageError("--verbose prints more and --quiet less: give only one")
     photo = one_photo(photos)
@@ -165,11 +161,10 @@ def run(
             result = reconstruct(photo, plan, progress=progress)
         from physic_core.io.people_table import people_csv
         from physic_core.io.result_folder import PEOPLE_TABLE
-        from physic_core.io.saving import save_reconstruction
+        from physic_core.io.results import save_reconstruction
 
-        saving = saving.with_report() if report else saving
         beside = {PEOPLE_TABLE: people_csv(result, photo.name)}
-        save_reconstruction(result, folder, saving, title=photo.name, overwrite=overwrite, beside=beside)
+        save_reconstruction(result, folder, save, report=report, title=photo.name, overwrite=overwrite, beside=beside)
     if quiet:
         for text in result.warnings:
             echo(f"warning: {text}", err=True)

@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import os
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from physic_core.errors import InputError
-from physic_core.files.atomic import atomic_write, check_writable
 from physic_core.files.own import check_own, write_own
-from physic_core.io.document import encode_document, read_document
-from physic_core.io.result_folder import DOCUMENT_FILE, REPORT_FILE, digest_of, earlier_files
+from physic_core.io.result_folder import DOCUMENT_FILE, REPORT_FILE, add_result_file
 from physic_core.visual.report import PAGE_MARK, report_html
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from physic_core.types import Reconstruction
 
 
@@ -63,29 +58,10 @@ def add_report(folder: str | os.PathLike[str], reconstruction: Reconstruction | 
 
             shown = load_reconstruction(folder)
     except InputError as error:
-        _add_files(folder, {REPORT_FILE: report_html(error, title).encode()})
+        add_result_file(folder, REPORT_FILE, report_html(error, title).encode())
         raise
-    _add_files(folder, {REPORT_FILE: report_html(shown, title).encode()})
+    add_result_file(folder, REPORT_FILE, report_html(shown, title).encode())
     return folder / REPORT_FILE
-
-
-def _add_files(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write files (name -> content) to the folder of a result, and list them in its document, if that can be read.
-
-    Raises:
-        OutputError: a file cannot be written.
-    """
-    with atomic_write(check_writable(folder), index=DOCUMENT_FILE, index_stays=True) as temporary:
-        # Read while the folder is locked: another process may just have saved another result.
-        with suppress(InputError):
-            document = read_document(folder)
-            document["files"] = [*(name for name in document["files"] if name not in files), *files]
-            document["digests"] = document["digests"] | {name: digest_of(files[name]) for name in files}
-            temporary(DOCUMENT_FILE).write_bytes(encode_document(document))
-        for name in earlier_files(folder)[1].intersection(files):
-            temporary.keep(name)
-        for name, content in files.items():
-            temporary(name).write_bytes(content)
 
 
 def is_result(folder: str | os.PathLike[str]) -> bool:

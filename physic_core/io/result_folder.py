@@ -1,18 +1,26 @@
-"""File names and digests of a result folder, and a check that no user file is overwritten."""
+"""The files of a result folder: which of them a run may replace, and how they are replaced together.
+
+The document names the other files with their SHA-256, which tells files of a run from those that the user edited. It is
+moved away first and renamed last. Until the end, old and new document stay under temporary names, so that the next run
+knows the files of one that was killed.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import itertools
+import json
 import os
-import re
-from collections.abc import Iterable, Mapping
+import secrets
+from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from io import BufferedReader
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import OutputError
-from physic_core.files.atomic import interrupted_index_files
+from physic_core.files.atomic import AtomicWrite, atomic_write, check_writable
 from physic_core.files.regular import read_regular
 from physic_core.files.strict_json import parse_json
 
@@ -23,12 +31,172 @@ SCHEMA = "physic-reconstruction"
 DOCUMENT_FILE = "reconstruction.json"
 ARRAYS_FILE = "reconstruction.npz"
 PREVIEW_FILE = "preview.png"
+GLB_FILE = "combined.glb"
 REPORT_FILE = "report.html"
-PEOPLE_FILE = "people.npz"
 PEOPLE_TABLE = "people.csv"
 MAX_DOCUMENT_BYTES = 64 << 20
-_FIXED = (DOCUMENT_FILE, ARRAYS_FILE, PEOPLE_FILE, PEOPLE_TABLE, PREVIEW_FILE, REPORT_FILE, "scene.glb", "combined.glb")
-_PERSON = re.compile(r"person_[0-9]+\.glb")
+FILES = (DOCUMENT_FILE, ARRAYS_FILE, PREVIEW_FILE, GLB_FILE, REPORT_FILE, PEOPLE_TABLE)
+_PARTS = f".{DOCUMENT_FILE}.*.physic-document"
+
+
+@dataclass(frozen=True)
+class Replaced:
+    """Which results a run may replace in its folder.
+
+    Attributes:
+        photos: digests of the photo, or of all photos of a moment, separated by spaces.
+        overwrite: whether those of other photos too.
+        earlier: names of files that an earlier run wrote, even if no document lists them.
+    """
+
+    photos: str
+    overwrite: bool = False
+    earlier: Collection[str] = ()
+
+
+def check_overwrite(folder: Path, replaced: Replaced, names: Iterable[str]) -> None:
+    """Check that writing a result to a folder would replace no file of the user.
+
+    Args:
+        folder: where the result will be written.
+        replaced: which results may be replaced.
+        names: of the files that will be written.
+
+    Raises:
+        OutputError: a file with one of these names is the photo, or was not written by a run; the folder has the result
+            of another photo.
+    """
+    present = [name for name in names if os.path.lexists(folder / name)]
+    unchanged, edited = _earlier_files(folder, replaced)
+    photos = [name for name in present if file_digest(folder / name) in replaced.photos.split()]
+    foreign = [name for name in present if name not in {*photos, *unchanged, *edited}]
+    whose = photo_identity_of_result(folder)
+    cure = f"move {', '.join([*photos, *foreign])} away"
+    faults = [f"{', '.join(photos)} there is the photo itself"] if photos else []
+    if foreign:
+        faults.append(f"{', '.join(foreign)} there {'is' if len(foreign) == 1 else 'are'} not of an earlier run")
+    if not faults and whose is not None and not same_photo(whose, replaced.photos) and not replaced.overwrite:
+        faults = ["it holds the result of another photo"]
+        cure = "replace that result with --overwrite (overwrite=True in Python)"
+    if faults:
+        raise OutputError(f"cannot write results to {folder}: {'; '.join(faults)}: name another folder, or {cure}")
+
+
+def write_result_files(
+    folder: Path, document: Mapping[str, Any], contents: Mapping[str, bytes], replaced: Replaced
+) -> None:
+    """Write the files of a result, all or none, in place of those of an earlier one; edited files of it are kept.
+
+    Args:
+        folder: created if missing.
+        document: of the result; the names and digests of the other files are added.
+        contents: of the other files, by name.
+        replaced: which results may be replaced.
+
+    Raises:
+        OutputError: the folder cannot be written, or user data would be lost.
+    """
+    with atomic_write(check_writable(folder)) as write:
+        check_overwrite(folder, replaced, [DOCUMENT_FILE, *contents])
+        unchanged, edited = _earlier_files(folder, replaced)
+        new = _write_parts(folder, write, document, contents)
+        with suppress(FileNotFoundError):
+            os.replace(folder / DOCUMENT_FILE, _part(folder))
+        for name in edited:
+            _keep(folder / name)
+        for name in unchanged - {DOCUMENT_FILE, *contents}:
+            (folder / name).unlink()
+        _rename(folder, write, new)
+
+
+def add_result_file(folder: Path, name: str, content: bytes) -> None:
+    """Write a file to the folder of a result, and list it in the document; an edited file of that name is kept.
+
+    The result stays complete at each step.
+
+    Raises:
+        OutputError: the folder cannot be written.
+    """
+    with atomic_write(check_writable(folder)) as write:
+        document = _document(folder / DOCUMENT_FILE)
+        if document is None:
+            write(name).write_bytes(content)
+            return
+        new = _write_parts(folder, write, document, {name: content})
+        if name in _earlier_files(folder, Replaced(""))[1]:
+            _keep(folder / name)
+        _rename(folder, write, new)
+
+
+def _write_parts(folder: Path, write: AtomicWrite, document: Mapping[str, Any], contents: Mapping[str, bytes]) -> Path:
+    """Write files under temporary names, and the document that lists them; return its temporary path."""
+    new = _part(folder)
+    files = {**_files(document), **{name: digest_of(content) for name, content in contents.items()}}
+    text = json.dumps({**document, "files": files}, indent=1, ensure_ascii=False, allow_nan=False)
+    try:
+        for name, content in contents.items():
+            write(name).write_bytes(content)
+        # A file name that is not UTF-8 has lone surrogates; backslashreplace writes them as JSON escapes.
+        new.write_bytes(text.encode("utf-8", "backslashreplace"))
+    except BaseException:
+        new.unlink(missing_ok=True)
+        raise
+    return new
+
+
+def _rename(folder: Path, write: AtomicWrite, new: Path) -> None:
+    write.rename()
+    os.replace(new, folder / DOCUMENT_FILE)
+    for part in folder.glob(_PARTS):
+        part.unlink(missing_ok=True)
+
+
+def _part(folder: Path) -> Path:
+    return folder / _PARTS.replace("*", secrets.token_hex(4))
+
+
+def _keep(path: Path) -> None:
+    """Rename a file that the user edited: ``preview.png`` to ``preview.edited.png``."""
+    endings = itertools.chain([""], (f"-{number}" for number in itertools.count(2)))
+    names = (path.with_name(f"{path.stem}.edited{ending}{path.suffix}") for ending in endings)
+    path.rename(next(name for name in names if not os.path.lexists(name)))
+
+
+def _earlier_files(folder: Path, replaced: Replaced) -> tuple[set[str], set[str]]:
+    """Return the names of the files in a folder that an earlier run wrote: unchanged ones, and edited ones.
+
+    The run may have been killed while writing them. A file with another digest, a link or a folder under such a name is
+    edited: it belongs to the user. The document belongs to the run, even if it was edited.
+    """
+    documents = [found for path in (folder / DOCUMENT_FILE, *folder.glob(_PARTS)) if (found := _document(path))]
+    digests = [_files(document) for document in documents]
+    there = {name for name in (*replaced.earlier, *itertools.chain(*digests)) if os.path.lexists(folder / name)}
+
+    def is_unchanged(name: str) -> bool:
+        return not os.path.islink(folder / name) and file_digest(folder / name) in {one.get(name) for one in digests}
+
+    unchanged = set(filter(is_unchanged, there))
+    edited = there - unchanged - {DOCUMENT_FILE}
+    is_own = DOCUMENT_FILE in there or _document(folder / DOCUMENT_FILE) is not None
+    if is_own and not os.path.islink(folder / DOCUMENT_FILE):
+        unchanged.add(DOCUMENT_FILE)
+    return unchanged, edited
+
+
+def photo_identity_of_result(folder: str | os.PathLike[str]) -> str | None:
+    """Read the digests of the photo from the result in a folder; None if there is no result."""
+    document = _document(Path(folder, DOCUMENT_FILE))
+    return None if document is None else str(document.get("photo", ""))
+
+
+def digests_of_result(folder: str | os.PathLike[str]) -> dict[str, str]:
+    """Read the digests of the files of a result; none if there is no result."""
+    return _files(_document(Path(folder, DOCUMENT_FILE)) or {})
+
+
+def same_photo(one: str, other: str) -> bool:
+    """Whether two results have a photo in common, by the digests of their photos, separated by spaces."""
+    return one == other or not set(one.split()).isdisjoint(other.split())
 
 
 def file_digest(source: str | os.PathLike[str] | BufferedReader) -> str:
@@ -53,119 +221,17 @@ def image_digest(image: UInt8Array) -> str:
     return f"pixels-sha256:{hashlib.sha256(shape.encode() + image.tobytes()).hexdigest()}"
 
 
-def same_photo(one: str, other: str) -> bool:
-    """Whether two results have a photo in common, by the digests of their photos, separated by spaces."""
-    return one == other or not set(one.split()).isdisjoint(other.split())
-
-
-def photo_identity_of_result(folder: str | os.PathLike[str]) -> str | None:
-    """Read the digests of the photo from the result in a folder; None if there is no result."""
-    document = _document(Path(folder))
-    return None if document is None else str(document.get("photo", ""))
-
-
-def digests_of_result(folder: str | os.PathLike[str]) -> dict[str, str]:
-    """Read the digests of the files of a result; none if there is no result."""
-    return _digests(_document(Path(folder)) or {})
-
-
-def earlier_files(folder: str | os.PathLike[str], earlier: Iterable[str] = ()) -> tuple[frozenset[str], frozenset[str]]:
-    """Return the names of the files in a folder that an earlier run wrote: unchanged ones, and edited ones.
-
-    The run may have been killed while writing them. A file with another digest, a link or a folder under such a name is
-    edited: it belongs to the user. The document belongs to the run, even if it was edited.
-
-    Args:
-        folder: of a result.
-        earlier: names that an earlier run wrote, even if no document lists them.
-    """
-    folder = Path(folder)
-    documents = _documents(folder)
-
-    def is_unchanged(name: str) -> bool:
-        if os.path.islink(folder / name):
-            return False
-        if name == DOCUMENT_FILE:
-            return _document(folder) is not None
-        return file_digest(folder / name) in {_digests(document).get(name, "missing") for document in documents}
-
-    # A document of others can list a name that no file can have: of such a one, lexists is false.
-    there = {name for name in (*_files(*documents), *earlier) if os.path.lexists(folder / name)}
-    unchanged = frozenset(filter(is_unchanged, there))
-    return unchanged, frozenset(there - unchanged)
-
-
-def check_overwrite(
-    folder: str | os.PathLike[str],
-    photo: str,
-    *,
-    overwrite: bool = False,
-    names: Iterable[str] | None = None,
-    earlier: Iterable[str] = (),
-) -> None:
-    """Raise OutputError if writing a result to a folder would overwrite user data.
-
-    Args:
-        folder: where the result will be written.
-        photo: digests of its photo.
-        overwrite: allow replacing the result of another photo.
-        names: of the files that will be written; None for all possible files of a result.
-        earlier: names that an earlier run wrote, even if no document lists them.
-
-    Raises:
-        OutputError: a file with one of these names is the photo, or was not written by a run; the folder has the result
-            of another photo.
-    """
-    folder = Path(folder)
-    present = [name for name in (_names_in(folder) if names is None else names) if os.path.lexists(folder / name)]
-    unchanged, edited = earlier_files(folder, earlier)
-    photos = [name for name in present if file_digest(folder / name) in photo.split()]
-    foreign = [name for name in present if name not in {*photos, *unchanged, *edited}]
-    whose = photo_identity_of_result(folder)
-    faults = [f"{_listed(photos)} there is the photo itself"] if photos else []
-    if foreign:
-        faults.append(f"{_listed(foreign)} there {'is' if len(foreign) == 1 else 'are'} not of an earlier run")
-    lost = [*photos, *foreign]
-    cure = f"move {'it' if len(lost) == 1 else 'them'} away"
-    if whose is not None and not same_photo(whose, photo) and not overwrite:
-        faults.append("it holds the result of another photo")
-        cure = cure if lost else "replace that result with --overwrite (overwrite=True in Python)"
-    if faults:
-        raise OutputError(f"cannot write results to {folder}: {'; '.join(faults)}: name another folder, or {cure}")
-
-
-def _names_in(folder: Path) -> list[str]:
-    people: list[str] = []
-    with suppress(OSError):
-        people = sorted(entry.name for entry in folder.iterdir() if _PERSON.fullmatch(entry.name))
-    return [*_FIXED, *people]
-
-
-def _documents(folder: Path) -> list[dict[str, Any]]:
-    """Read ``reconstruction.json`` of a folder, and those of runs that were killed while writing."""
-    names = [DOCUMENT_FILE, *(path.name for path in interrupted_index_files(folder, DOCUMENT_FILE))]
-    return [document for name in names if (document := _document(folder, name)) is not None]
-
-
-def _document(folder: Path, name: str = DOCUMENT_FILE) -> dict[str, Any] | None:
-    """Read ``reconstruction.json`` of a folder; None if it is missing or invalid."""
+def _document(path: Path) -> dict[str, Any] | None:
+    """Read a document; None if it is missing or invalid."""
     try:
-        document = parse_json(read_regular(folder / name, MAX_DOCUMENT_BYTES))
+        document = parse_json(read_regular(path, MAX_DOCUMENT_BYTES))
     except (OSError, ValueError):
         return None
     return document if isinstance(document, dict) and document.get("schema") == SCHEMA else None
 
 
-def _digests(document: Mapping[str, Any]) -> dict[str, str]:
-    digests = document.get("digests")
-    return {name: str(digest) for name, digest in digests.items()} if isinstance(digests, dict) else {}
-
-
-def _files(*documents: Mapping[str, Any]) -> frozenset[str]:
-    lists = [document.get("files") for document in documents]
-    named = [str(name) for files in lists if isinstance(files, list) for name in files]
-    return frozenset(name for name in named if os.path.basename(name) == name)
-
-
-def _listed(names: list[str]) -> str:
-    return ", ".join(names)
+def _files(document: Mapping[str, Any]) -> dict[str, str]:
+    """Return name -> digest of the files that a document lists; it can be of others."""
+    files = document.get("files")
+    pairs = files.items() if isinstance(files, dict) else ()
+    return {name: str(digest) for name, digest in pairs if os.path.basename(name) == name and name != DOCUMENT_FILE}

@@ -1,269 +1,338 @@
-"""Write a reconstruction to a folder and read it back."""
+"""Write a reconstruction to a folder and read it back: a document, arrays, and pictures if wanted.
+
+``reconstruction.json`` has all values, and the names and SHA-256 of the other files; it is written last and removed
+first. ``reconstruction.npz`` has the arrays, by the names of :mod:`physic_core.files.plain`. docs/file-format.md
+describes both.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
+import zipfile
+from collections.abc import Collection, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.errors import InputError
-from physic_core.files.npz import MAX_ARRAY_BYTES, read_arrays, read_headers
-from physic_core.files.regular import open_regular
-from physic_core.files.strict_json import from_json
-from physic_core.io.arrays import (
-    PERSON_ARRAYS,
-    SHARED_ARRAYS,
-    check_arrays,
-    number_of_people,
-)
-from physic_core.io.compact import (
-    array_specs,
-    expand_arrays,
-    expand_people,
-    is_compact,
-    is_kept_without_scene,
-)
-from physic_core.io.document import parse_skeleton, read_document, unreadable
-from physic_core.io.records import from_record, from_records
+from physic_core.errors import ConfigError, InputError
+from physic_core.files.npz import MAX_ARRAY_BYTES, read_arrays, read_names, write_arrays
+from physic_core.files.plain import Arrays, join, split
+from physic_core.files.regular import open_regular, read_regular
+from physic_core.files.strict_json import parse_json, to_json
+from physic_core.geometry.upright import gltf_from_camera
 from physic_core.io.result_folder import (
     ARRAYS_FILE,
     DOCUMENT_FILE,
-    PEOPLE_FILE,
-    file_digest,
+    GLB_FILE,
+    MAX_DOCUMENT_BYTES,
+    PREVIEW_FILE,
+    REPORT_FILE,
+    SCHEMA,
+    Replaced,
+    check_overwrite,
+    write_result_files,
 )
-from physic_core.types import (
-    NO_PARTNER,
-    BodyContact,
-    BodyParameters,
-    CheckResult,
-    ContactPartner,
-    Grade,
-    Intrinsics,
-    Lens,
-    Person,
-    Plane,
-    Reconstruction,
-    Scene,
-    StageRecord,
-    Support,
-    UnposedPerson,
-)
+from physic_core.types import NO_PARTNER, Intrinsics, Reconstruction
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from io import BufferedReader
-
     from numpy.typing import NDArray
 
-    from physic_core.files.npz import ArrayHeader
-    from physic_core.io.arrays import ArraySpec
+SCHEMA_VERSION = 6
+"""Version of documents that are written and read."""
 
-_SMALL = 256 << 20
-_MAX_RATIO = 50
+SAVE = ("pictures", "numbers", "people")
+"""What to save. numbers: document and arrays. pictures: the same, ``preview.png`` and ``combined.glb``. people:
+document and arrays without photo and scene."""
+
+_FRAME = {
+    "axes": "OpenCV camera: x right, y down, z forward; origin at the camera",
+    "units": "metres, radians, seconds, pixels",
+    "pixels": "integer coordinates are pixel centres; (0, 0) is the centre of the top left pixel",
+    "gltf": "the GLB files have y up: their points are gltf_from_camera times the camera frame's",
+}
+_OF_SCENE = ("image", "scene.")
+_RUN = "run"
+_STEPS_PER_METRE = 1 << 19  # of bodies: rounding by less than a thousandth of a millimetre saves a sixth of the bytes
+_DEPTH_BITS = 15  # of the mantissa: 0.0015 %
+_NORMAL_STEPS = 127
+_RAY_TOLERANCE = 2e-5  # of the depth; float32 arithmetic along a ray is within 1e-6
+_SMALL, _MAX_RATIO = 256 << 20, 50
 """Arrays may have 256 MB plus 50 times the size of their file: photos and depth compress by less than 10."""
 
 
-def load_reconstruction(folder: str | os.PathLike[str]) -> Reconstruction:
-    """Read a reconstruction that :func:`save_reconstruction` wrote, and verify digests, dtypes and shapes.
+def save_reconstruction(
+    reconstruction: Reconstruction,
+    folder: str | os.PathLike[str],
+    save: str = "pictures",
+    *,
+    report: bool = False,
+    title: str = "",
+    overwrite: bool = False,
+    beside: Mapping[str, bytes] | None = None,
+    photos: str = "",
+    earlier: Collection[str] = (),
+) -> tuple[Path, ...]:
+    """Write the files of a result to a folder.
+
+    Either all files are written, or none; if the process is killed, the folder may have no result. An earlier result of
+    the same photo is replaced, that of another photo with ``overwrite`` only. Files of it that were edited are kept:
+    ``preview.png`` as ``preview.edited.png``. The photo, and files that no run wrote, are never replaced.
+
+    Args:
+        reconstruction: what to save.
+        folder: created if missing.
+        save: one of :data:`SAVE`.
+        report: whether ``report.html`` is written too.
+        title: of the report, such as the name of the photo; by default the name of the folder.
+        overwrite: whether to replace another photo's result.
+        beside: name and content of further files, which are files of the result too.
+        photos: digests of all photos of one moment, whose earlier results are replaced; "" for that of the result.
+        earlier: names of files that an earlier run wrote, which are edited ones if no document lists them.
+
+    Returns:
+        Paths of the written files.
 
     Raises:
-        InputError: a file is missing, damaged, from another run, or of another schema version.
+        ConfigError: ``save`` is not valid.
+        OutputError: the folder cannot be written, or user data would be lost.
+        PackageMissingError: a report is requested, and no installed plugin writes it.
+        Exception: a picture cannot be made; the numbers are then written without pictures.
     """
-    folder = Path(folder)
-    document = read_document(folder)
-    arrays = _arrays(folder, document)
+    if save not in SAVE:
+        raise ConfigError(f"what to save is one of {', '.join(SAVE)} (got '{save}')")
+    folder, beside = Path(folder), beside or {}
+    replaced = Replaced(photos or reconstruction.photo, overwrite, earlier)
+    pictures = [*([GLB_FILE, PREVIEW_FILE] if save == "pictures" else []), *([REPORT_FILE] if report else [])]
+    check_overwrite(folder, replaced, [DOCUMENT_FILE, ARRAYS_FILE, *pictures, *beside])
+    arrays: Arrays = {}
+    document = _document(reconstruction, arrays)
+    if save == "people":
+        arrays = {name: array for name, array in arrays.items() if not name.startswith(_OF_SCENE)}
+    arrays = _compact(arrays, reconstruction.intrinsics) | {_RUN: np.array(document["run"])}
+    contents, failure = _contents(reconstruction, arrays, pictures, title or folder.resolve().name)
+    write_result_files(folder, document, contents | dict(beside), replaced)
+    if failure is not None:
+        raise failure
+    return tuple(folder / name for name in (DOCUMENT_FILE, *contents, *beside))
+
+
+def load_reconstruction(folder: str | os.PathLike[str]) -> Reconstruction:
+    """Read a reconstruction that :func:`save_reconstruction` wrote, and check that its files are complete.
+
+    Raises:
+        InputError: a file is missing, damaged, of another run, or of another version; the result has people alone.
+    """
+    document, arrays = _read(Path(folder))
     try:
-        return _assemble(document, arrays)
-    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError) as error:
-        raise _incomplete(folder, error) from error
+        if "image" not in arrays:
+            raise ValueError("it was saved without photo and scene: physic_core.load_people reads it")
+        camera = join(Intrinsics, document["intrinsics"], {})
+        sizes = {"H": camera.height, "W": camera.width}
+        if arrays["image"].shape != (camera.height, camera.width, 3):
+            raise ValueError(f"image has the shape {arrays['image'].shape}, not that of the camera")
+        result: Reconstruction = join(Reconstruction, document, _expanded(arrays, camera), sizes=sizes)
+        _check_indices(result)
+    except Exception as error:  # whatever a dataclass raises for values of others
+        raise damaged(Path(folder), error) from error
+    return result
 
 
 def load_people(folder: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
-    """Read the arrays of a result saved with ``--save people``, and verify digests, dtypes and shapes.
+    """Read the arrays of a result but those of photo and scene, whatever was saved.
 
     Returns:
-        The arrays by name, as in :mod:`physic_core.io.arrays`, such as ``person_0_vertices`` (V, 3), metres, in the
-        frame of the OpenCV camera.
+        The arrays by name, such as ``people.0.vertices`` (V, 3), metres, in the frame of the OpenCV camera.
 
     Raises:
-        InputError: a file is missing, damaged, from another run, or of another schema version.
+        InputError: a file is missing, damaged, of another run, or of another version.
     """
-    folder = Path(folder)
-    return _arrays(folder, read_document(folder), file=PEOPLE_FILE)
+    return {name: array for name, array in _read(Path(folder))[1].items() if not name.startswith(_OF_SCENE)}
 
 
-def read_image(folder: Path) -> NDArray[np.uint8]:
-    """Read the image (H, W, 3) uint8 of a result alone; its arrays are verified as by :func:`load_reconstruction`.
+def read_image(folder: str | os.PathLike[str]) -> NDArray[np.uint8] | None:
+    """Read the image (H, W, 3) uint8 of a result alone; None if it was saved without.
 
     Raises:
-        InputError: a file is missing, damaged, from another run, or of another schema version.
+        InputError: a file is missing, damaged, of another run, or of another version.
     """
-    image: NDArray[np.uint8] = _arrays(folder, read_document(folder), only=("image",))["image"]
+    image = _read(Path(folder), ["image"])[1].get("image")
+    if image is not None and (image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8):
+        raise damaged(Path(folder), ValueError(f"image is {image.dtype.name} {image.shape}"))
     return image
 
 
-def _incomplete(folder: Path, error: Exception) -> InputError:
-    return InputError(
-        f"cannot read {folder / DOCUMENT_FILE}: an entry is missing or of the wrong type ({_brief(error)}); "
-        "run the reconstruction again"
-    )
-
-
-def _brief(error: Exception) -> str:
-    """Return the message of a library error, which may quote the file."""
-    text = str(error)
-    text = text if len(text) <= 300 else f"{text[:300]} ..."
-    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
-
-
-def _arrays(
-    folder: Path, document: Mapping[str, Any], only: Sequence[str] | None = None, file: str = ARRAYS_FILE
-) -> dict[str, NDArray[Any]]:
-    """Read and verify the arrays of a result, or only some of the shared ones."""
-    path = folder / file
-    listed = document["files"]
-    if file not in listed and (other := {ARRAYS_FILE: PEOPLE_FILE, PEOPLE_FILE: ARRAYS_FILE}[file]) in listed:
-        reader = "load_people" if other == PEOPLE_FILE else "load_reconstruction"
-        raise InputError(f"cannot read {path}: this result was saved as {other}; physic_core.{reader} reads it")
-    try:
-        with open_regular(path) as stream:
-            return _verified_arrays(stream, path, document, only)
-    except OSError as error:
-        raise unreadable(path, error) from error
-
-
-def _verified_arrays(
-    stream: BufferedReader, path: Path, document: Mapping[str, Any], only: Sequence[str] | None
-) -> dict[str, NDArray[Any]]:
-    if file_digest(stream) != document["digests"].get(path.name):
-        raise InputError(
-            f"cannot read {path}: its SHA-256 differs from that in {DOCUMENT_FILE} beside it, so it is damaged, or "
-            f"from another run; run the reconstruction again"
-        )
-    try:
-        headers = read_headers(stream)
-        wanted = _wanted(path, headers, document)
-        limit = min(MAX_ARRAY_BYTES, _SMALL + _MAX_RATIO * os.fstat(stream.fileno()).st_size)
-        arrays = read_arrays(stream, wanted if only is None else only, limit=limit)
-        if only is None:
-            _check_values(arrays, document)
-            arrays = expand_people(arrays) if path.name == PEOPLE_FILE else expand_arrays(arrays)
-    except InputError:
-        raise
-    except (KeyError, TypeError) as error:
-        raise _incomplete(path.parent, error) from error
-    except Exception as error:  # zipfile, zlib and numpy raise a dozen classes for flipped and missing bytes
-        raise InputError(
-            f"cannot read {path}: it is damaged ({_brief(error)}); run the reconstruction again"
-        ) from error
-    return arrays
-
-
-def _wanted(path: Path, headers: Mapping[str, ArrayHeader], document: Mapping[str, Any]) -> list[str]:
-    """Return the names of the arrays to read, after checks of all dtypes and shapes.
+def read_document(folder: Path) -> dict[str, Any]:
+    """Read ``reconstruction.json`` of a folder; NaN and infinities stay strings.
 
     Raises:
-        InputError: an array is missing.
-        ValueError: an array has the wrong dtype or shape, or the people differ.
-        KeyError, TypeError: an entry of the document is missing, or of the wrong type.
+        InputError: it is missing, damaged, not a reconstruction, or of another version.
     """
-    people, image = len(document["people"]), document["image"]
-    sizes = {"H": image["height"], "W": image["width"], "P": 0 if document["scene"]["floor"] is None else 1}
-    is_of_people_alone = path.name == PEOPLE_FILE
-    compact = is_of_people_alone or is_compact(headers)
-    shared, of_person = array_specs(headers, compact=compact)
-    if is_of_people_alone:
-        shared = tuple(spec for spec in shared if is_kept_without_scene(spec.name))
-    required = [spec.name for spec in shared]
-    required += [f"person_{i}_{spec.name}" for i in range(people) for spec in of_person if not spec.optional]
-    if missing := [name for name in required if name not in headers]:
-        raise InputError(
-            f"cannot read {path}: it has no {', '.join(missing[:20])}{', ...' * (len(missing) > 20)}; "
-            "run the reconstruction again"
-        )
-    if (found := number_of_people(headers)) > people:
-        raise ValueError(f"it has arrays for {found} people, but {DOCUMENT_FILE} lists {people}")
-    check_arrays(headers, sizes, people, (shared, of_person))
-    optional = [f"person_{i}_{spec.name}" for i in range(people) for spec in of_person if spec.optional]
-    return [*required, *(name for name in optional if name in headers)]
-
-
-def _check_values(arrays: Mapping[str, NDArray[Any]], document: Mapping[str, Any]) -> None:
-    """Raise ValueError if arrays contradict each other or the document."""
-    for name in ("body_model", "skeleton"):
-        if str(arrays[name]) != document[name]:
-            raise ValueError(f"{name} is {str(arrays[name])[:60]!r}, but {DOCUMENT_FILE} has {document[name][:60]!r}")
-    partners = len(document["contact_partners"])
-    for index in range(len(document["people"])):
-        ids = arrays.get(f"person_{index}_contact_partner")
-        if ids is not None and ids.size and (ids.min() < NO_PARTNER or ids.max() >= partners):
+    path = folder / DOCUMENT_FILE
+    try:
+        document = parse_json(read_regular(path, MAX_DOCUMENT_BYTES))
+        if not isinstance(document, dict) or document.get("schema") != SCHEMA:
+            raise ValueError("it does not describe a reconstruction")
+        if document.get("schema_version") != SCHEMA_VERSION:
             raise ValueError(
-                f"person_{index}_contact_partner has {ids.min()} to {ids.max()}, but there are {partners} partners"
+                f"its version is {document.get('schema_version')!r:.20}, this PhySIC reads {SCHEMA_VERSION}"
             )
-    faces = arrays["faces"]
-    if document["people"] and faces.size:
-        vertices = len(arrays["person_0_vertices"])
-        if faces.min() < 0 or faces.max() >= vertices:
-            raise ValueError(f"faces has vertices {faces.min()} to {faces.max()}, but a person has {vertices}")
+    except OSError as error:
+        raise _unreadable(path, error) from error
+    except ValueError as error:
+        raise damaged(path, error) from error
+    return document
 
 
-def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Reconstruction:
-    scene = document["scene"]
-    floor = scene["floor"]
-    own, of_scene = _values(SHARED_ARRAYS, arrays), _values(SHARED_ARRAYS, arrays, "scene.")
-    return Reconstruction(
-        **own,
-        intrinsics=from_record(Intrinsics, document["intrinsics"]),
-        scene=Scene(
-            **of_scene,
-            floor=None if floor is None else Plane(arrays["floor_normal"][0], from_json(floor["offset"])),
-            scale=from_json(scene["scale"]),
-            scale_sigma=from_json(scene["scale_sigma"]),
-        ),
-        people=tuple(_person(record, index, arrays) for index, record in enumerate(document["people"])),
-        body_model=document["body_model"],
-        skeleton=parse_skeleton(document),
-        stages=from_records(StageRecord, document["stages"]),
-        diagnostics=from_json(document["diagnostics"]),
-        warnings=tuple(document["warnings"]),
-        notes=tuple(document["notes"]),
-        config=from_json(document["config"]),
-        checks=from_records(CheckResult, document["checks"]),
-        grade=None if document["grade"] is None else Grade(document["grade"]),
-        photo=document["photo"],
-        unposed=from_records(UnposedPerson, document["unposed"]),
-        lens=None if document["lens"] is None else from_record(Lens, document["lens"]),
-        contact_partners=from_records(ContactPartner, document["contact_partners"]),
+def _document(reconstruction: Reconstruction, arrays: Arrays) -> dict[str, Any]:
+    """Return the document of a result without its files, and add its arrays to ``arrays``.
+
+    People and scene have some entries that are for readers alone.
+    """
+    texts = {name: to_json(getattr(reconstruction, name)) for name in ("config", "diagnostics")}
+    values = split(replace(reconstruction, **texts), arrays)
+    for index, (record, person) in enumerate(zip(values["people"], reconstruction.people, strict=True)):
+        record["index"] = index
+        record["pelvis"] = to_json(person.joints[0]) if len(person.joints) else None
+        record["contact_count"], record["vertex_count"] = int(np.sum(person.contact)), len(person.vertices)
+        record["states_partners"] = person.contact_partner is not None
+    values["scene"]["distance_sigma"] = to_json(reconstruction.distance_sigma)
+    run = hashlib.sha256(json.dumps(values).encode()).hexdigest()[:16]
+    frame = _FRAME | {"gltf_from_camera": gltf_from_camera(reconstruction.scene.floor).tolist()}
+    return {"schema": SCHEMA, "schema_version": SCHEMA_VERSION, "run": run, "frame": frame, **values}
+
+
+def _contents(
+    reconstruction: Reconstruction, arrays: Arrays, pictures: Collection[str], title: str
+) -> tuple[dict[str, bytes], Exception | None]:
+    """Return the contents of the arrays' file and of the pictures, and the error if a picture fails."""
+    from threadpoolctl import threadpool_limits
+
+    stream, found = BytesIO(), dict[str, bytes]()
+    # A second thread draws the preview, which takes as long as all else. Matrices of three columns: further threads of
+    # BLAS would take as much processor time again, waiting.
+    with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(1, "preview") as second:
+        preview = second.submit(_preview, reconstruction) if PREVIEW_FILE in pictures else None
+        # bzip2 makes photos and depth a third smaller than deflate does, and numpy reads it.
+        write_arrays(stream, arrays, method=zipfile.ZIP_BZIP2)
+        numbers = {ARRAYS_FILE: stream.getvalue()}
+        try:
+            if GLB_FILE in pictures:
+                from physic_core.visual.glb import glb_files
+
+                found |= glb_files(reconstruction, parts=False)
+            if REPORT_FILE in pictures:
+                from physic_core.visual.report import report_html
+
+                found[REPORT_FILE] = report_html(reconstruction, title).encode()
+            if preview is not None:
+                found[PREVIEW_FILE] = preview.result()
+        except Exception as error:
+            return numbers, error
+    return numbers | found, None
+
+
+def _preview(reconstruction: Reconstruction) -> bytes:
+    from physic_core.visual.preview import preview_png
+
+    return preview_png(reconstruction)
+
+
+def _read(folder: Path, names: Collection[str] | None = None) -> tuple[dict[str, Any], Arrays]:
+    """Read the document of a result, and its arrays, or those of some names that it has."""
+    document, path = read_document(folder), folder / ARRAYS_FILE
+    try:
+        with open_regular(path) as stream:
+            there = read_names(stream)
+            wanted = there if names is None else [name for name in there if name in {*names, _RUN}]
+            limit = min(MAX_ARRAY_BYTES, _SMALL + _MAX_RATIO * os.fstat(stream.fileno()).st_size)
+            arrays = read_arrays(stream, wanted, limit=limit)
+        if str(arrays.pop(_RUN)) != document["run"]:
+            raise ValueError(f"it is of another run than {DOCUMENT_FILE}")
+    except OSError as error:
+        raise _unreadable(path, error) from error
+    except Exception as error:  # zipfile, zlib and numpy raise a dozen classes for flipped and missing bytes
+        raise damaged(path, error) from error
+    return document, arrays
+
+
+def _unreadable(path: Path, error: OSError) -> InputError:
+    if isinstance(error, FileNotFoundError | NotADirectoryError):
+        return InputError(f"cannot read {path}: there is no such file; name the folder of a finished run")
+    return InputError(f"cannot read {path}: {error.strerror}; check who may read it")
+
+
+def damaged(path: Path, error: Exception) -> InputError:
+    """Return the error for a file, or a folder, whose content cannot be used."""
+    text = f"it has no {error.args[0]}" if isinstance(error, KeyError) else str(error)
+    return InputError(
+        f"cannot read {path}: {text[:300]}; run the reconstruction again"
+    )  # a library's may quote the file
+
+
+def _check_indices(result: Reconstruction) -> None:
+    """Raise ValueError if faces or contacts name a vertex or a partner that is not there."""
+    limits: dict[str, tuple[NDArray[Any], int, int]] = {}
+    if result.people:
+        limits["faces"] = result.faces, 0, len(result.people[0].vertices)
+    for index, person in enumerate(result.people):
+        if person.contact_partner is not None:
+            partners = len(result.contact_partners)
+            limits[f"people.{index}.contact_partner"] = person.contact_partner, NO_PARTNER, partners
+    for name, (ids, least, count) in limits.items():
+        if ids.size and (ids.min() < least or ids.max() >= count):
+            raise ValueError(f"{name} has {ids.min()} to {ids.max()}, and there are {count}")
+
+
+def _compact(arrays: Arrays, camera: Intrinsics) -> Arrays:
+    """Return arrays as they are stored: a third of the bytes, with errors that docs/file-format.md states."""
+    small = {
+        name: _on_grid(array) if name.endswith((".vertices", ".joints", ".floor_points")) else array
+        for name, array in arrays.items()
+    }
+    if "scene.points" in small:
+        points = small["scene.points"]
+        depth = _round_mantissa(points[..., 2])
+        near = np.abs(_rays(camera) * depth[..., None] - points) <= _RAY_TOLERANCE * np.abs(points[..., 2:]) + 1e-6
+        if near.all():
+            del small["scene.points"]
+            small["scene.depth"] = depth
+        small["scene.normals"] = np.round(_NORMAL_STEPS * small["scene.normals"]).astype(np.int8)
+        small["scene.colors_change"] = small.pop("scene.colors") - small["image"]
+    return small
+
+
+def _expanded(arrays: Arrays, camera: Intrinsics) -> Arrays:
+    """Return the arrays of a result from their stored form."""
+    found = dict(arrays)
+    if "scene.depth" in found:
+        found["scene.points"] = _rays(camera) * found.pop("scene.depth")[..., None]
+    normals = found["scene.normals"].astype(np.float32)
+    length = np.linalg.norm(normals, axis=-1, keepdims=True)
+    found["scene.normals"] = normals / np.where(length > 0, length, 1)
+    found["scene.colors"] = found.pop("scene.colors_change") + found["image"]
+    return found
+
+
+def _on_grid(metres: NDArray[Any]) -> NDArray[np.float32]:
+    return (np.round(metres.astype(np.float64) * _STEPS_PER_METRE) / _STEPS_PER_METRE).astype(np.float32)
+
+
+def _round_mantissa(values: NDArray[Any]) -> NDArray[np.float32]:
+    drop = np.uint32(23 - _DEPTH_BITS)
+    bits = np.ascontiguousarray(values, np.float32).view(np.uint32)
+    rounded = ((bits + (np.uint32(1) << (drop - np.uint32(1)))) >> drop << drop).view(np.float32)
+    return np.where(np.isfinite(values), rounded, values)
+
+
+def _rays(camera: Intrinsics) -> NDArray[np.float32]:
+    """Return the rays (H, W, 3) of the pixels, with z = 1."""
+    x, y = np.meshgrid(
+        (np.arange(camera.width) - camera.cx) / camera.fx, (np.arange(camera.height) - camera.cy) / camera.fy
     )
-
-
-def _person(record: Mapping[str, Any], index: int, arrays: Mapping[str, NDArray[Any]]) -> Person:
-    prefix = f"person_{index}_"
-    return Person(
-        **_values(PERSON_ARRAYS, arrays, prefix=prefix),
-        score=from_json(record["score"]),
-        parameters=BodyParameters(**_values(PERSON_ARRAYS, arrays, "parameters.", prefix)),
-        failed_checks=tuple(record["failed_checks"]),
-        unknown_checks=tuple(record["unknown_checks"]),
-        grade=None if record["grade"] is None else Grade(record["grade"]),
-        contacts=from_records(BodyContact, record["contacts"]),
-        support=None if record["support"] is None else from_record(Support, record["support"]),
-        age=record["age"],
-        world_contact=record.get("world_contact"),
-        stature=from_json(record.get("stature")),
-    )
-
-
-def _values(
-    specs: Sequence[ArraySpec], arrays: Mapping[str, NDArray[Any]], owner: str = "", prefix: str = ""
-) -> dict[str, Any]:
-    """Return the arrays by the attributes of one object, such as those that start with "scene."."""
-    of_owner = {spec.attribute.removeprefix(owner): prefix + spec.name for spec in specs if _owner(spec) == owner}
-    return {attribute: arrays.get(name) for attribute, name in of_owner.items()}
-
-
-def _owner(spec: ArraySpec) -> str | None:
-    """Return the attribute up to its last dot; None for an array that is converted."""
-    return "".join(spec.attribute.rpartition(".")[:2]) if spec.attribute else None
+    return np.stack([x, y, np.ones_like(x)], axis=-1).astype(np.float32)

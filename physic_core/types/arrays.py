@@ -1,4 +1,4 @@
-"""Type aliases of NumPy arrays by dtype, for type checkers only: at run time NumPy is not imported."""
+"""Shapes of arrays as metadata of fields; type aliases by dtype, for type checkers only: NumPy is not imported."""
 
 from __future__ import annotations
 
@@ -14,3 +14,8 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.floating[Any]]
     IntArray = NDArray[np.integer[Any]]
     UInt8Array = NDArray[np.uint8]
+
+
+def shape(*sizes: str | int) -> dict[str, tuple[str | int, ...]]:
+    """Return the metadata of a field whose array has this shape; one letter stands for one size in all fields."""
+    return {"shape": sizes}

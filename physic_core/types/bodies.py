@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING
 
+from physic_core.types.arrays import shape
 from physic_core.types.per_person import PER_PERSON
 from physic_core.types.short_repr import ShortRepr
 
@@ -29,16 +30,16 @@ class BodyParameters(ShortRepr):
         transl: (N, 3) metres, added after posing.
     """
 
-    global_orient: FloatArray
-    body_pose: FloatArray
-    left_hand_pose: FloatArray
-    right_hand_pose: FloatArray
-    jaw_pose: FloatArray
-    leye_pose: FloatArray
-    reye_pose: FloatArray
-    betas: FloatArray
-    expression: FloatArray
-    transl: FloatArray
+    global_orient: FloatArray = field(metadata=shape("N", 3))
+    body_pose: FloatArray = field(metadata=shape("N", 63))
+    left_hand_pose: FloatArray = field(metadata=shape("N", 45))
+    right_hand_pose: FloatArray = field(metadata=shape("N", 45))
+    jaw_pose: FloatArray = field(metadata=shape("N", 3))
+    leye_pose: FloatArray = field(metadata=shape("N", 3))
+    reye_pose: FloatArray = field(metadata=shape("N", 3))
+    betas: FloatArray = field(metadata=shape("N", "K"))
+    expression: FloatArray = field(metadata=shape("N", "E"))
+    transl: FloatArray = field(metadata=shape("N", 3))
 
     def __len__(self) -> int:
         return len(self.transl)

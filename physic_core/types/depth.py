@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
+from physic_core.types.arrays import shape
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ class Plane(ShortRepr):
         offset: height of the camera above the plane, in the units of the points (metres once scaled).
     """
 
-    normal: FloatArray
+    normal: FloatArray = field(metadata=shape(3))
     offset: float
 
 

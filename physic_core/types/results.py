@@ -11,6 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import InputError
+from physic_core.types.arrays import shape
 from physic_core.types.contacts import PARTNER_KINDS
 from physic_core.types.short_repr import ShortRepr
 
@@ -45,12 +46,12 @@ class Scene(ShortRepr):
         scale_sigma: standard deviation of log(scale) as estimated by the metric depth backend, or None.
     """
 
-    points: FloatArray
-    normals: FloatArray
-    colors: UInt8Array
-    valid: BoolArray
+    points: FloatArray = field(metadata=shape("H", "W", 3))
+    normals: FloatArray = field(metadata=shape("H", "W", 3))
+    colors: UInt8Array = field(metadata=shape("H", "W", 3))
+    valid: BoolArray = field(metadata=shape("H", "W"))
     floor: Plane | None
-    floor_points: FloatArray
+    floor_points: FloatArray = field(metadata=shape("M", 3))
     scale: float = 1.0
     scale_sigma: float | None = None
 
@@ -92,22 +93,22 @@ class Person(ShortRepr):
         faces: (F, 3) int32, triangles of the vertices; set by the ``Reconstruction`` that contains the person.
     """
 
-    box: FloatArray
+    box: FloatArray = field(metadata=shape(4))
     score: float
-    mask: BoolArray
-    keypoints: FloatArray
-    keypoint_confidence: FloatArray
+    mask: BoolArray = field(metadata=shape("H", "W"))
+    keypoints: FloatArray = field(metadata=shape("J", 2))
+    keypoint_confidence: FloatArray = field(metadata=shape("J"))
     parameters: BodyParameters
-    vertices: FloatArray
-    joints: FloatArray
-    contact: BoolArray
-    distance: FloatArray
+    vertices: FloatArray = field(metadata=shape("V", 3))
+    joints: FloatArray = field(metadata=shape(55, 3))
+    contact: BoolArray = field(metadata=shape("V"))
+    distance: FloatArray = field(metadata=shape("V"))
     failed_checks: tuple[str, ...] = ()
     unknown_checks: tuple[str, ...] = ()
     grade: Grade | None = None
-    faces: NDArray[np.int32] | None = None
-    contact_probability: NDArray[np.float16] | None = None
-    contact_partner: NDArray[np.int16] | None = None
+    faces: NDArray[np.int32] | None = field(default=None, metadata={"stored": False})
+    contact_probability: NDArray[np.float16] | None = field(default=None, metadata=shape("V"))
+    contact_partner: NDArray[np.int16] | None = field(default=None, metadata=shape("V"))
     contacts: tuple[BodyContact, ...] = ()
     support: Support | None = None
     world_contact: Mapping[str, float] | None = None
@@ -163,11 +164,11 @@ class Reconstruction(ShortRepr):
         contact_partners: everything that people touch; ``Person.contact_partner`` has indices into it.
     """
 
-    image: UInt8Array
+    image: UInt8Array = field(metadata=shape("H", "W", 3))
     intrinsics: Intrinsics
     scene: Scene
     people: tuple[Person, ...]
-    faces: NDArray[np.int32]
+    faces: NDArray[np.int32] = field(metadata=shape("F", 3))
     body_model: str
     skeleton: Skeleton | str
     stages: tuple[StageRecord, ...] = ()
@@ -234,13 +235,12 @@ class Reconstruction(ShortRepr):
             by_name[check.name].append(check)
         return values | {f"check_{name}": _worst(group) for name, group in by_name.items()}
 
-    def save(self, folder: str, save: str = "full", *, overwrite: bool = False) -> None:
-        """Write ``reconstruction.json``, ``reconstruction.npz``, GLB files and ``preview.png`` to a folder.
+    def save(self, folder: str, save: str = "pictures", *, overwrite: bool = False) -> None:
+        """Write ``reconstruction.json``, ``reconstruction.npz``, ``combined.glb`` and ``preview.png`` to a folder.
 
         Args:
             folder: created if it does not exist. An earlier result of the same photo in it is replaced.
-            save: which files, as the option of the command: "full", "exact" without pictures, "compact", "numbers" or
-                "people", with "+preview", "+glb" or "+report" to add some.
+            save: "pictures"; "numbers" for the first two files alone; "people" without photo and scene in the arrays.
             overwrite: whether to replace the result of another photo. Edited files of a result are kept beside the new
                 ones, and files that no run wrote are never replaced.
 

@@ -44,7 +44,7 @@ def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(tmp_path: Pat
     assert (person["photo"], person["person"], person["main"]) == (rows["stand.png"]["id"], "0", "True")
     assert float(person["distance_m"]) > 1
     assert 1.4 < float(person["stature_m"]) < 2.1
-    people = Path("out", rows["stand.png"]["folder"], "people.npz")
+    people = Path("out", rows["stand.png"]["folder"], "reconstruction.npz")
     assert people.stat().st_size < 500_000
     journal = Path("out/journal.jsonl").read_text()
     Path("out/people.csv").unlink()
@@ -80,8 +80,7 @@ def test_a_dry_run_lists_the_photos_and_writes_nothing(tmp_path: Path, monkeypat
         (
             (".", "--save", "people+glb"),
             2,
-            "Invalid value for '--save': "
-            "GLB files need the scene: save full, exact, compact or numbers (got 'people+glb')",
+            "Invalid value for '--save': 'people+glb' is not one of 'pictures', 'numbers', 'people', 'none'.",
         ),
         ((".", "--preset", "mock", "--set", "inpainter.backend=tella"), 2, "--set: inpainter.backend: "),
         ((".", "--device", "tpu"), 2, "--device: run.device: "),

@@ -20,8 +20,7 @@ from physic_core.cli import main
 from physic_core.cli.exit_codes import USAGE
 from physic_core.configuration.model import load_config
 from physic_core.errors import OutputError
-from physic_core.io.saved_files import Saving
-from physic_core.io.saving import save_reconstruction
+from physic_core.io.results import save_reconstruction
 
 NAMES = ("summary.csv", "people.csv", "contact-sheet.html", "journal.jsonl", "logs/worker-0.txt")
 MINE = '{"id": "mine", "stature": 1.71}\n'
@@ -107,7 +106,7 @@ def test_an_edited_file_of_a_result_is_kept(
     monkeypatch.setattr("physic_core.visual.glb.glb_files", lambda result, parts: {"combined.glb": b"mesh"})
     out, (item,) = tmp_path / "out", list_photos([str(photos)]).photos
     jobs = [
-        BatchJob(load_config(preset="mock", overrides=[f"photo.max_side={side}"]), str(out), "compact")
+        BatchJob(load_config(preset="mock", overrides=[f"photo.max_side={side}"]), str(out), "pictures")
         for side in (640, 320)
     ]
 
@@ -143,25 +142,19 @@ def test_a_table_is_known_by_its_mark(kind: str, tmp_path: Path):
         write_table(tmp_path, kind)
 
 
-def test_pictures_of_the_user_stay_where_a_batch_writes_its_own(tmp_path: Path):
-    """At level "summary", which has no list of digests, and thumbnails."""
-    result, preview = tiny_result(), tmp_path / "photo" / "preview.png"
+def test_a_thumbnail_of_the_user_stays(tmp_path: Path):
     for _ in range(2):
-        save_reconstruction(result, tmp_path / "photo", Saving.parse("summary+preview"), overwrite=True)
-        write_thumbnail(result, tmp_path, "photos/3f/a")
+        write_thumbnail(tiny_result(), tmp_path, "photos/3f/a")
     thumbnail = tmp_path / "thumbnails" / "3f" / "a.jpg"
-    for path in (preview, thumbnail):
-        path.write_text("mine")
+    thumbnail.write_text("mine")
     with pytest.raises(OutputError):
-        save_reconstruction(result, tmp_path / "photo", Saving.parse("summary+preview"), overwrite=True)
-    with pytest.raises(OutputError):
-        write_thumbnail(result, tmp_path, "photos/3f/a")
-    assert preview.read_text() == thumbnail.read_text() == "mine"
+        write_thumbnail(tiny_result(), tmp_path, "photos/3f/a")
+    assert thumbnail.read_text() == "mine"
 
 
-@pytest.mark.parametrize("name", ["reconstruction.json", "people.npz", "preview.png"])
-def test_files_of_the_user_stay_where_people_are_saved(tmp_path: Path, name: str):
+@pytest.mark.parametrize("name", ["reconstruction.json", "reconstruction.npz", "preview.png"])
+def test_files_of_the_user_stay_where_a_result_is_saved(tmp_path: Path, name: str):
     (tmp_path / name).write_text("mine")
     with pytest.raises(OutputError, match=f"{name} there is not of an earlier run"):
-        save_reconstruction(tiny_result(), tmp_path, Saving.parse("people+preview"), overwrite=True)
+        save_reconstruction(tiny_result(), tmp_path, overwrite=True)
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(name, "mine")]

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from physic_core import Reconstruction, save_reconstruction
 from physic_core.cli.result_summary import summary_record, summary_text
-from physic_core.io.document import read_document
+from physic_core.io.result_record import ResultRecord, read_record
 from physic_core.types import BodyContact, CheckResult, CheckState, ContactPartner, Grade, Support, UnposedPerson
 
 
@@ -21,7 +20,7 @@ def check(name: str, state: CheckState, value: float | None, label: str) -> Chec
 
 
 @pytest.fixture
-def document(make: Callable[..., Reconstruction], tmp_path: Path) -> dict[str, Any]:
+def record(make: Callable[..., Reconstruction], tmp_path: Path) -> ResultRecord:
     made = make()
     floor, own = ContactPartner("floor", "floor"), ContactPartner("self", person=0, part="head")
     feet = tuple(BodyContact(f"{side}_foot", floor, 0.9, 200) for side in ("left", "right"))
@@ -59,12 +58,12 @@ def document(make: Callable[..., Reconstruction], tmp_path: Path) -> dict[str, A
     )
     unposed = (UnposedPerson((1.0, 2.0, 30.0, 40.0), 0.5, "only a hand is seen"),)
     result = replace(made, people=people, checks=checks, grade=Grade.BAD, unposed=unposed, contact_partners=())
-    save_reconstruction(result, tmp_path, "exact")
-    return read_document(tmp_path)
+    save_reconstruction(result, tmp_path, "numbers")
+    return read_record(tmp_path)
 
 
-def test_a_person_is_a_row(document: dict[str, Any]):
-    assert summary_text(document, Path("out")).splitlines()[1:6] == [
+def test_a_person_is_a_row(record: ResultRecord):
+    assert summary_text(record, Path("out")).splitlines()[1:6] == [
         "person  grade     distance      likely contact  why",
         "0       good      3.0 ± 0.2 m   51 % floor      balanced: left foot on floor, right foot on floor",
         "1       doubtful  12.5 ± 0.9 m  none            Limbs off their keypoints: 4.5 % (limit 3.5 %); "
@@ -74,8 +73,8 @@ def test_a_person_is_a_row(document: dict[str, Any]):
     ]
 
 
-def test_the_summary_for_programs_has_names_and_numbers(document: dict[str, Any]):
-    summary = summary_record(document, Path("out"))
+def test_the_summary_for_programs_has_names_and_numbers(record: ResultRecord):
+    summary = summary_record(record, Path("out"))
     assert [one["distance_m"] for one in summary["people"]] == [pytest.approx(3.0), pytest.approx(12.5), None]
     assert [one["distance_sigma_m"] for one in summary["people"]] == [pytest.approx(0.21), pytest.approx(0.875), None]
     assert summary["people"][1]["failed_checks"] == ["limb_keypoints", "lean"]

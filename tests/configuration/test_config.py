@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -181,11 +182,9 @@ def test_a_variable_that_is_wrong_is_named():
 
 def written(config: Config) -> str:
     """A reconstruction.json with a configuration, as a run writes it."""
-    from physic_core.io.document import encode_document
-
     tables = config.as_dict()
     tables["engine"]["placement"] = {"robust_m": "Infinity"}
-    Path("reconstruction.json").write_bytes(encode_document({"schema": "physic.reconstruction", "config": tables}))
+    Path("reconstruction.json").write_text(json.dumps({"schema": "physic.reconstruction", "config": tables}))
     return "reconstruction.json"
 
 

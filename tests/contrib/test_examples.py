@@ -41,7 +41,7 @@ def test_the_wheel_alone_is_listed_and_passes_the_kit_and_a_config_that_selects_
     (tmp_path / "my.toml").write_text(f'extends = "mock"\n\n[{interface}]\nbackend = "{backend}"\n')
     environment.run("physic run photo.png --config my.toml -o out --no-cache", tmp_path)
     result = json.loads((tmp_path / "out" / "reconstruction.json").read_text())
-    asked = {s["backend"]["interface"]: s["backend"]["name"] for s in result["stages"] if s["backend"]}
+    asked = {s["provenance"]["interface"]: s["provenance"]["backend"] for s in result["stages"] if s["provenance"]}
     assert asked[interface] == backend
     assert set(asked.values()) == {backend, "mock"}
     assert len(result["people"]) == 1

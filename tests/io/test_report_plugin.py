@@ -9,11 +9,9 @@ import pytest
 from click.testing import CliRunner, Result
 
 from physic_core import InputError, save_reconstruction
-from physic_core.batch.process import prepare_job
 from physic_core.cli import main
 from physic_core.errors import PackageMissingError, PluginError
 from physic_core.io.report_file import add_report
-from physic_core.io.saved_files import Saving
 from physic_core.visual.report import PAGE_MARK, report_html
 
 PAGE = "def page(result, title):\n    {body}\n"
@@ -34,7 +32,7 @@ def hidden(monkeypatch: pytest.MonkeyPatch) -> None:
 def folder(make: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The folder of a result, in the current one."""
     monkeypatch.chdir(tmp_path)
-    save_reconstruction(make(people=0), tmp_path / "results" / "a", "exact")
+    save_reconstruction(make(people=0), tmp_path / "results" / "a", "numbers")
     return tmp_path / "results" / "a"
 
 
@@ -49,12 +47,11 @@ def physic(*arguments: object) -> Result:
 @pytest.mark.usefixtures("hidden")
 def test_without_a_plugin_each_way_to_a_page_names_it(make: Any, folder: Path):
     result = make(people=0)
-    saving = Saving.parse("numbers+report")
     ways = (
         lambda: report_html(result),
         lambda: result.report("a.html"),
         lambda: add_report(folder),
-        lambda: prepare_job("mock", folder.parent, saving),
+        lambda: save_reconstruction(result, folder, "numbers", report=True),
     )
     for way in ways:
         with pytest.raises(PackageMissingError) as error:

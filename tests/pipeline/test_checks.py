@@ -17,9 +17,8 @@ from physic_core.body import load_body
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.contact.distance import SEARCH_RADIUS_M
 from physic_core.engine.settings import EngineSettings
-from physic_core.files.strict_json import to_json
+from physic_core.files.plain import join, split
 from physic_core.geometry.mesh import vertex_normals
-from physic_core.io.records import from_records, to_record
 from physic_core.pipeline.checks import (
     CHECKS,
     failed_checks,
@@ -433,10 +432,10 @@ RECORDS = (
 
 
 def test_checks_are_written_and_read_back() -> None:
-    records = json.loads(json.dumps(to_json(to_record(RECORDS))))
+    records = json.loads(json.dumps(split(RECORDS, {})))
     assert records[0] == asdict(RECORDS[0])
     assert records[0]["state"] == "failed"
-    assert from_records(CheckResult, records) == RECORDS
+    assert join(tuple[CheckResult, ...], records, {}) == RECORDS
 
 
 class Body:

@@ -93,7 +93,7 @@ def test_a_result_states_the_lens_and_keeps_it(tmp_path) -> None:
     result = reconstruct(world.image, config)
     assert result.lens.distortion == (1e-9, 0, 0, 0, 0)
     assert result.lens.intrinsics.fx == pytest.approx(world.intrinsics.fx)
-    result.save(str(tmp_path / "out"), "exact")
+    result.save(str(tmp_path / "out"), "numbers")
     assert result.load(str(tmp_path / "out")).lens == result.lens
 
 

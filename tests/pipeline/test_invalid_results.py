@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import BackendRecord
 from physic_core.engine.joint import solve as joint
 from physic_core.errors import BackendOutputError
+from physic_core.io.result_record import read_record
 from physic_core.pipeline.invalid_results import discard_invalid_hands, discard_invalid_keypoints
 from physic_core.types import Hands, Keypoints, Person, Reconstruction
 from physic_core.types.per_person import select_people
@@ -122,14 +122,11 @@ def test_a_person_without_a_body_stays_and_the_other_is_unchanged(
     again = Reconstruction.load(str(tmp_path / "out"))
     assert again.checks == result.checks
     assert again.people[LOST].failed_checks == lost.failed_checks
-    document = json.loads((tmp_path / "out" / "reconstruction.json").read_text())
-    (answered,) = [
-        c for c in document["checks"] if (c["name"], c["person"], c["state"]) == ("missing_outputs", LOST, "failed")
-    ]
-    assert (answered["value"], answered["threshold"], answered["unit"]) == (1, 0, "count")
-    files = {name: trimesh.load(tmp_path / "out" / name) for name in ("person_0.glb", "person_1.glb", "combined.glb")}
-    assert [sorted(file.geometry) for file in files.values()] == [[], ["person_1"], ["floor", "person_1", "scene"]]
-    row = summary_text(document, tmp_path).splitlines()[2]
+    record = read_record(tmp_path / "out")
+    (answered,) = [c for c in record.checks if (c.name, c.person, c.state) == ("missing_outputs", LOST, "failed")]
+    assert (answered.value, answered.threshold, answered.unit) == (1, 0, "count")
+    assert sorted(trimesh.load(tmp_path / "out" / "combined.glb").geometry) == ["floor", "person_1", "scene"]
+    row = summary_text(record, tmp_path).splitlines()[2]
     assert row.split(None, 4)[:4] == ["0", "bad", "-", "-"]
     assert {str(c) for c in result.checks if c.person == LOST and c.failed} == set(row.split(None, 4)[4].split("; "))
 

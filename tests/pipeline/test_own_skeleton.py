@@ -65,10 +65,10 @@ def test_the_engine_fits_keypoints_of_a_custom_skeleton(world: World, tmp_path) 
     assert aligned < 40
     assert error < 0.03
 
-    found.save(tmp_path / "result", "exact")
+    found.save(tmp_path / "result", "numbers")
     again = load_reconstruction(tmp_path / "result")
     assert again.skeleton == MARKERS
-    assert consistency(again, load_body("embedded"))[0].keypoint_error_share == pytest.approx(error)
+    assert consistency(again, load_body("embedded"))[0].keypoint_error_share == pytest.approx(error, rel=1e-3)
 
 
 def test_the_kit_accepts_a_skeleton_of_ones_own() -> None:

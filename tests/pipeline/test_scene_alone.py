@@ -52,7 +52,7 @@ def test_the_scene_is_metric_if_the_metric_depth_needs_no_people(world: World, t
     again = load_reconstruction(tmp_path / "out")
     assert again.people == ()
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
-        "combined.glb", "preview.png", "reconstruction.json", "reconstruction.npz", "scene.glb"
+        "combined.glb", "preview.png", "reconstruction.json", "reconstruction.npz"
     }  # fmt: skip
 
 

@@ -33,7 +33,7 @@ def reconstruct(
     dataset: ray.data.Dataset,
     config: Config | str | os.PathLike[str] | Mapping[str, Any] | None = None,
     *,
-    save: str = "summary",
+    save: str = "none",
     out: str | os.PathLike[str] | None = None,
     timeout: float | None = 600.0,
     workers: int | None = None,
@@ -64,7 +64,7 @@ def reconstruct(
     import ray.data
 
     job = prepare_job(config, out or tempfile.gettempdir(), save, thumbnails=False)
-    if out is None and job.saving.main_file:
+    if out is None and job.save != "none":
         raise ConfigError(f"save='{save}' writes files: give their folder as out=...")
     resources = (resources or Resources()).for_device(job.config.run.device)
     context = dataset.context

@@ -60,7 +60,7 @@ def scene(
 ) -> None:
     """Reconstruct one moment from two to eight photos.
 
-    Writes the files of `physic run --save full`, cameras.json and photos.png. The frame is that of
+    Writes the files of `physic run`, cameras.json and photos.png. The frame is that of
     the photo that shows most people.
     """
     start = time.monotonic()

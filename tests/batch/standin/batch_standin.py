@@ -90,7 +90,7 @@ def open_processor(job: BatchJob, seconds: float = 0.0) -> PhotoProcessor:
 
 
 def standin_job(out: Path) -> BatchJob:
-    return BatchJob(load_config(preset="mock"), str(out), "summary", thumbnails=False)
+    return BatchJob(load_config(preset="mock"), str(out), "none", thumbnails=False)
 
 
 def run_standin(

@@ -1,4 +1,4 @@
-"""End a write at any of its steps: as a killed process, as a loss of power, or as a full disk."""
+"""End a write at any of its steps: as a killed process, as Ctrl-C, or as a full disk."""
 
 from __future__ import annotations
 
@@ -24,9 +24,8 @@ class Steps:
     Args:
         folder: whose files count.
         last: number of the step that fails; None for a count only.
-        how: "killed": the step and all after it do nothing. "power": besides, files that were not synchronised are
-            empty. "full": this one step raises OSError, and only writes are steps. "interrupted": this one step raises
-            KeyboardInterrupt, as Ctrl-C does.
+        how: "killed": the step and all after it do nothing. "full": this one step raises OSError, and only writes are
+            steps. "interrupted": this one step raises KeyboardInterrupt, as Ctrl-C does.
     """
 
     def __init__(self, folder: Path, last: int | None = None, how: str = "killed") -> None:
@@ -34,7 +33,6 @@ class Steps:
         self.count = 0
         self.writes: dict[str, list[int]] = {}
         self.is_dead = False
-        self._unsynced: dict[str, str] = {}
 
     def step(self, path: Any, *, is_write: bool = False) -> None:
         """Count a step on a path, and fail if it is the last one."""
@@ -61,10 +59,10 @@ class Steps:
 
     @contextmanager
     def applied(self) -> Iterator[None]:
-        """Count and fail within the block; a loss of power takes effect at its end."""
+        """Count and fail within the block."""
         with pytest.MonkeyPatch.context() as patch:
             opened: dict[int, str] = {}
-            real_open, real_replace, real_os_open = io.open, os.replace, os.open
+            real_open, real_os_open = io.open, os.open
 
             def os_open(path: Any, *args: Any, **options: Any) -> int:
                 file = real_os_open(path, *args, **options)
@@ -83,13 +81,13 @@ class Steps:
             def fsync(file: int) -> None:
                 path = opened[file]
                 self.step(path)
-                self._unsynced.pop(path, None)
 
-            def replace(source: Any, target: Any) -> None:
-                self.step(source)
-                real_replace(source, target)
-                if str(source) in self._unsynced:
-                    self._unsynced[str(target)] = self._unsynced.pop(str(source))
+            def moving(real: Callable[..., None]) -> Callable[..., None]:
+                def move(source: Any, target: Any) -> None:
+                    self.step(source)
+                    real(source, target)
+
+                return move
 
             def deleting(real: Callable[..., None]) -> Callable[..., None]:
                 def unlink(path: Any, *args: Any, **options: Any) -> None:
@@ -102,20 +100,13 @@ class Steps:
                 patch.setattr(module, "open", open_)
             patch.setattr(os, "open", os_open)
             patch.setattr(os, "fsync", fsync)
-            patch.setattr(os, "replace", replace)
+            patch.setattr(os, "replace", moving(os.replace))
+            patch.setattr(os, "rename", moving(os.rename))
             patch.setattr(os, "unlink", deleting(os.unlink))
             try:
                 yield
             except Killed:
                 assert self.is_dead
-        if self.is_dead and self.how == "power":
-            for path in self._unsynced:
-                if os.path.exists(path):
-                    os.truncate(path, 0)
-
-    def written(self, path: str) -> None:
-        """Note that a file has content that a loss of power would lose."""
-        self._unsynced[path] = path
 
 
 class _File:
@@ -126,7 +117,6 @@ class _File:
 
     def write(self, content: Any) -> Any:
         self._steps.step(self._path, is_write=True)
-        self._steps.written(self._path)
         return self._file.write(content)
 
     def __enter__(self) -> _File:

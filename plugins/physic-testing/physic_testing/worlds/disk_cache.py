@@ -18,7 +18,7 @@ from physic_core import body
 from physic_core.cache.folders import cache_folder
 from physic_core.cache.lru_folder import LruFolder
 from physic_core.errors import OutputError
-from physic_core.files.archive import DamagedFileError, join_arrays, read_archive, split_arrays, write_archive
+from physic_core.files.plain import DamagedFileError, read_value, write_value
 
 __all__ = ["FOLDER_VARIABLE", "MAX_BYTES", "VERSION", "cache_key", "folder", "load_or_build"]
 
@@ -75,8 +75,8 @@ def load_or_build(key: str, kind: type[T], classes: Iterable[type], build: Calla
 def _load(path: Path, kind: type[T], classes: Iterable[type]) -> T | None:
     """Read a cache entry; None if it is missing or damaged."""
     try:
-        thing = join_arrays(*read_archive(path), classes)
-    except (OSError, DamagedFileError, KeyError, TypeError):
+        thing = read_value(path, classes)
+    except (OSError, DamagedFileError):
         return None  # missing or damaged: the caller rebuilds it
     LruFolder(path.parent, _SUFFIX).mark_used(path.name)
     return thing if isinstance(thing, kind) else None
@@ -84,7 +84,7 @@ def _load(path: Path, kind: type[T], classes: Iterable[type]) -> T | None:
 
 def _save(where: Path, name: str, thing: object) -> None:
     """Write a cache entry and delete old ones."""
-    write_archive(where / name, *split_arrays(thing))
+    write_value(where / name, thing)
     LruFolder(where, _SUFFIX).trim(MAX_BYTES)
 
 

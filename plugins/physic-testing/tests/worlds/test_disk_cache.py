@@ -5,7 +5,6 @@ from dataclasses import dataclass, fields
 import numpy as np
 import pytest
 
-from physic_core.files.archive import join_arrays, split_arrays
 from physic_testing.worlds import disk_cache
 from physic_testing.worlds import world as worlds
 
@@ -41,10 +40,6 @@ def assert_same(one: Outer, two: Outer) -> None:
     for a, b in zip(*arrays, strict=True):
         assert a.dtype == b.dtype
         np.testing.assert_array_equal(a, b)
-
-
-def test_join_arrays_inverts_split_arrays():
-    assert_same(join_arrays(*split_arrays(thing()), (Outer, Inner)), thing())
 
 
 def test_a_thing_is_built_once_and_then_read(cache):

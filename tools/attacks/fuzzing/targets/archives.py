@@ -1,4 +1,4 @@
-"""Archives of arrays and a document, as the cache has them: what was written, or DamagedFileError."""
+"""Values in files, as the cache has them: what was written, or DamagedFileError."""
 
 from __future__ import annotations
 
@@ -7,19 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from fuzzing.target import Target
-from physic_core.files.archive import DamagedFileError, read_archive, write_archive
+from physic_core.files.plain import DamagedFileError, read_value, write_value
+from physic_core.types import DepthMap, Intrinsics
 
-ARRAYS = {
-    "points": np.arange(15, dtype=np.float32).reshape(5, 3),
-    "masks": np.arange(40).reshape(5, 8) % 3 == 0,
-    "empty": np.zeros((0, 4), np.float32),
-}
-DOCUMENT = {"names": ["a", "é", None], "numbers": [1, 2.5]}
+VALUE = DepthMap(np.arange(15, dtype=np.float32).reshape(5, 3), Intrinsics.from_focal(3, 3, 5, "é"), 0.5, ("a", "NaN"))
 
 
 def make_seeds(folder: Path) -> list[bytes]:
     for name in ("", "f"):
-        write_archive(folder / f"seed{name}.npz", ARRAYS, DOCUMENT, stored=name)
+        write_value(folder / f"seed{name}.npz", VALUE, stored=name)
     return [path.read_bytes() for path in sorted(folder.glob("*.npz"))]
 
 
@@ -27,14 +23,11 @@ def attack(data: bytes, folder: Path) -> None:
     path = folder / "a.npz"
     path.write_bytes(data)
     try:
-        arrays, document = read_archive(path)
+        found = read_value(path, [DepthMap])
     except DamagedFileError:
         return
-    assert document == DOCUMENT
-    assert list(arrays) == list(ARRAYS)
-    for name, array in ARRAYS.items():
-        assert arrays[name].dtype == array.dtype
-        np.testing.assert_array_equal(arrays[name], array)
+    assert repr(found) == repr(VALUE)
+    np.testing.assert_array_equal(found.depth, VALUE.depth)
 
 
 TARGETS = [Target("archives", make_seeds, attack)]
