@@ -5,9 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from physic_core.io.people_prompt import check_prompt, read_masks, resize_prompt
 from physic_core.io.photo import Photo, limit_size
-from physic_core.pipeline.border import Border, cut_border, find_inside
+from physic_core.pipeline.border import Border, cut_border, find_inside, limit_inside
+from physic_core.pipeline.undistort import move_pixels, undistort
 from physic_core.types import CameraTrust, Intrinsics, KnownSizes, Lens, PeoplePrompt
 
 if TYPE_CHECKING:
@@ -48,25 +51,23 @@ def prepare_photo(
         InputError: people or distortion cannot be used.
     """
     file_size = photo.file_size or photo.image.shape[1::-1]
-    photo, whole, border = _with_camera(photo, settings), photo.image, None
-    height, width = whole.shape[:2]
+    photo = _with_camera(photo, settings)
+    of_whole = settings.distortion or settings.depth or settings.pointmap
+    inside = None if of_whole else find_inside(photo.image)
+    if inside is None:
+        photo = limit_size(photo, settings.max_side)
+    else:
+        photo, inside = limit_inside(photo, inside, settings.max_side)
+    height, width = photo.image.shape[:2]
     prompt, note = _prompt(people, settings, file_size, (width, height))
     photo = replace(photo, notes=(*photo.notes, note)) if note else photo
     sizes = settings.known_sizes(known).resized(width / file_size[0], height / file_size[1])
-    of_whole = settings.distortion or settings.depth or settings.pointmap
-    if inside := None if of_whole else find_inside(whole):
-        photo, prompt, sizes = cut_border(photo, prompt, sizes, inside)
-    height, width = photo.image.shape[:2]
-    photo = limit_size(photo, settings.max_side)
-    new_height, new_width = photo.image.shape[:2]
-    prompt = None if prompt is None else resize_prompt(prompt, (width, height), (new_width, new_height))
-    sizes = sizes.resized(new_width / width, new_height / height)
-    if inside:
-        border = Border.around(photo.image, whole, inside)
+    if inside is not None:
+        corner, border = np.array([inside[1].start, inside[0].start]), Border(photo.image, inside)
+        moved = move_pixels(prompt, sizes, lambda pixels: pixels - corner, lambda mask: mask[inside])
+        return PreparedPhoto(cut_border(photo, inside), *moved, None, border)
     if settings.distortion is None or photo.intrinsics is None:
-        return PreparedPhoto(photo, prompt, sizes, None, border)
-    from physic_core.pipeline.undistort import undistort
-
+        return PreparedPhoto(photo, prompt, sizes, None)
     lens = Lens(photo.intrinsics.resized(*file_size), settings.distortion)
     return PreparedPhoto(*undistort(photo, prompt, sizes, lens.distortion), lens)
 
@@ -87,13 +88,13 @@ def _with_camera(photo: Photo, settings: PhotoSettings) -> Photo:
 def _prompt(
     people: PeoplePrompt | None, settings: PhotoSettings, file_size: tuple[int, int], size: tuple[int, int]
 ) -> tuple[PeoplePrompt | None, str]:
-    """Return the user's choice of people, px of the image as read, None for all people; and a note, or "".
+    """Return the user's choice of people, px of the image to reconstruct, None for all people; and a note, or "".
 
     Args:
         people: in px of the upright file; the config's choice if None.
         settings: of the config.
         file_size: width and height of the upright file, px.
-        size: width and height of the image as read, px.
+        size: width and height of the image to reconstruct, px.
     """
     is_set = settings.person or settings.box or settings.masks
     if people is None and not is_set:

@@ -46,16 +46,30 @@ def undistort(
         return undistort_pixels(pixels, camera, distortion)
 
     lens = Lens(camera, (*distortion,))  # type: ignore[arg-type]
+    return photo, *move_pixels(prompt, known, move, lambda mask: _mask(mask, lens))
+
+
+def move_pixels(
+    prompt: PeoplePrompt | None, known: KnownSizes, move: Move, move_mask: Callable[[BoolArray], BoolArray]
+) -> tuple[PeoplePrompt | None, KnownSizes]:
+    """Return the user's pixels of an image in another one.
+
+    Args:
+        prompt: chosen people, px of the image.
+        known: known sizes, px of the image.
+        move: from pixels (n, 2) to those of the other image.
+        move_mask: from a mask (H, W) to that of the other image.
+    """
     if prompt is not None:
         points = tuple((float(x), float(y)) for x, y in move(np.array(prompt.points).reshape(-1, 2)))
         boxes = tuple(_box(box, move) for box in prompt.boxes)
-        masks = None if prompt.masks is None else np.stack([_mask(mask, lens) for mask in prompt.masks])
+        masks = None if prompt.masks is None else np.stack([move_mask(mask) for mask in prompt.masks])
         prompt = PeoplePrompt(points, boxes, masks)
     lengths = []
     for length in known.lengths:
         start, end = move(np.array([length.start, length.end])).tolist()
         lengths.append(replace(length, start=(start[0], start[1]), end=(end[0], end[1])))
-    return photo, prompt, replace(known, lengths=tuple(lengths))
+    return prompt, replace(known, lengths=tuple(lengths))
 
 
 def _box(box: tuple[float, float, float, float], move: Move) -> tuple[float, float, float, float]:

@@ -117,3 +117,18 @@ def test_a_result_is_that_of_the_picture_inside_in_px_of_the_whole(name: str) ->
         np.testing.assert_allclose(one.keypoints, alone.keypoints + np.array([left, top]), atol=1e-3)
     offset = found.intrinsics.cx - plain.intrinsics.cx, found.intrinsics.cy - plain.intrinsics.cy
     assert offset == pytest.approx((left, top))
+
+
+def test_a_white_frame_of_a_photo_that_fades_to_white_is_cut_at_the_photo() -> None:
+    share = np.linspace(0.1, 1, 240)[:, None, None]
+    whole, inside = with_border((255 - share * (255 - textured(240, 320))).astype(np.uint8), "a frame of 10 %")
+    assert find_inside(whole) == inside
+
+
+def test_a_large_photo_is_downscaled_by_the_picture_inside() -> None:
+    whole, _ = with_border(textured(480, 640), "a frame of 10 %")
+    prepared = prepare_photo(Photo(whole), PhotoSettings(max_side=320), None, None)
+    height, width = prepared.photo.image.shape[:2]
+    assert (width, height) == pytest.approx((320, 240), abs=2)
+    assert prepared.border is not None
+    assert prepared.border.image.shape[:2] == pytest.approx((288, 384), abs=1)
