@@ -205,7 +205,7 @@ def test_every_fault_is_a_line_with_source_path_and_suggestion(write):
         '[inpaintr]\nbackend = "telea"\n'
         '[segmenter]\nbackend = "none"\n'
         "[photo]\nmax_side = 3\nfocal = 2\n"
-        "[engine.scene]\nfloor_under_peple = 3\nfloor = 'flat'\n"
+        "[engine.scene]\ncarve = 3\nfloor = 'flat'\n"
     )
     lines = refusal(file, overrides=["engine.joint=3"]).splitlines()
     for start, word in (
@@ -215,7 +215,7 @@ def test_every_fault_is_a_line_with_source_path_and_suggestion(write):
         ("config.toml: inpaintr: ", "Did you mean 'inpainter'?"),
         ("config.toml: segmenter: ", "contact_prior"),
         ("config.toml: engine.scene.floor: ", "'disparity' or 'off'"),
-        ("config.toml: engine.scene.floor_under_peple: ", "Did you mean 'floor_under_people'?"),
+        ("config.toml: engine.scene.carve: ", "Did you mean 'carve_m'?"),
         ("--set: engine.joint: ", "(got 3)"),
     ):
         (line,) = [line for line in lines if line.startswith(start)]
@@ -244,7 +244,7 @@ def test_every_fault_is_a_line_with_source_path_and_suggestion(write):
         ("engine.scene.far_m=deep", "engine.scene.far_m", "number"),
         ("engine.scene.carve_m=nan", "engine.scene.carve_m", "nan"),
         ("engine.joint.optimiser.refresh_steps=0", "engine.joint.optimiser.refresh_steps", "equal to 1"),
-        ("engine.scene.floor_under_people=1", "engine.scene.floor_under_people", "boolean"),
+        ("engine.contact.people=1", "engine.contact.people", "boolean"),
     ],
 )
 def test_an_invalid_value_is_named_with_its_path_and_what_it_should_be(override: str, path: str, word: str):
