@@ -38,7 +38,7 @@ from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.pointmap import depth_edges, isolated_pixels
 from physic_core.geometry.visibility import facing_camera, inside_mask
 from physic_core.types import Skeleton
-from physic_core.types.bounds import NotNegative, PointCount, Positive, PositiveOrInfinite, Share
+from physic_core.types.bounds import NotNegative, PointCount, PositiveOrInfinite, Share
 
 POINTMAP_TOLERANCE = 0.15
 """Largest difference of the two point maps at an inlier, as a share of the depth. Below 0.1, the fit may follow only
@@ -106,9 +106,6 @@ class PlacementMethod:
     feet_by_picture: bool = True
     """Feet are pulled to the floor in proportion to the image probability that they touch something
     (:mod:`physic_core.body.feet_in_picture`)."""
-    lifted_sigmas: Positive = 3.0
-    """Both feet are in the air if a person is this many standard deviations from standing on the floor
-    (:func:`physic_core.engine.sizes.standing_scores`)."""
 
     alignment: ClassVar[AlignmentOptions] = AlignmentOptions(POINTMAP_TOLERANCE)
 

@@ -31,6 +31,7 @@ from physic_core.types.short_repr import ShortRepr
 if TYPE_CHECKING:
     from physic_core.engine.sizes.known_sizes import KnownScene
 
+_LIFTED_SIGMAS = 3.0  # both feet are in the air if a person is as many standard deviations from standing on the floor
 _ANKLES, _SHOULDERS, _WRISTS = joint_pair("ankle"), joint_pair("shoulder"), joint_pair("wrist")
 
 
@@ -120,7 +121,7 @@ def solve_placement(given: PlacementInput, method: PlacementMethod) -> PlacedPeo
         gaps = depth_gaps_at_feet(detections, photo.depth, scene.depth, given.raised)
         lifted = find_lifted_feet(gaps, _hands_may_hold(given, output, scene.floor_normal), scene.floor_offset)
         if given.standing is not None:
-            lifted |= (given.standing < -method.lifted_sigmas)[:, None]
+            lifted |= (given.standing < -_LIFTED_SIGMAS)[:, None]
         airborne = lifted.all(1)
     feet_seen = detections.observed[:, _ANKLES].any(1) & ~airborne.to(detections.observed.device)
     evidence = _observations(detections, photo, feet_seen, method)

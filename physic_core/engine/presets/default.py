@@ -16,7 +16,7 @@ from physic_core.engine.joint.optimiser import LbfgsSettings, OptimiserSettings
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.state import DEPTH_SCALE_SIGMA, State, StateSigmas
 from physic_core.engine.joint.term import Term
-from physic_core.engine.joint.terms.contact import ContactTerm, ContactTermSettings
+from physic_core.engine.joint.terms.contact import CONTACT_RANGE_M, ContactTerm, ContactTermSettings
 from physic_core.engine.joint.terms.depth import DepthSettings, DepthTerm, depth_offset_sigmas
 from physic_core.engine.joint.terms.floor import FloorSettings, FloorTerm
 from physic_core.engine.joint.terms.limits import LimitSettings, LimitTerm
@@ -67,7 +67,7 @@ class DefaultOptimisation(JointMethod):
     @property
     def search_radius_m(self) -> float:
         """Search radius of vertices for scene points, metres."""
-        return max(self.contact.max_distance_m, self.penetration.max_depth_m)
+        return max(CONTACT_RANGE_M, self.penetration.max_depth_m)
 
     def prepare(self, problem: JointProblem) -> JointProblem:
         """Return the problem with the scene points that have a normal, and with static contacts if selected."""
@@ -76,7 +76,7 @@ class DefaultOptimisation(JointMethod):
 
     def weigh_keypoints(self, problem: JointProblem) -> WeightedKeypoints:
         """Return the keypoints, weighted by confidence, with less weight on invisible limbs."""
-        return weighted_keypoints(problem, self.reprojection)
+        return weighted_keypoints(problem)
 
     def initial_state(self, context: JointContext) -> State:
         """Return whitened parameters, with a depth offset for each person."""

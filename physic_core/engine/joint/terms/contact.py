@@ -11,7 +11,11 @@ from torch import Tensor
 from physic_core.engine.joint.context import STATIC_CONTACT_PARTS, JointContext
 from physic_core.engine.joint.robust_sum import RobustSum
 from physic_core.engine.joint.term import Snapshot
+from physic_core.engine.joint.terms.penetration import SURFACE_SIGMA_M
 from physic_core.types.bounds import NotNegative, Positive
+
+CONTACT_RANGE_M = 0.15
+"""Contact vertices farther from scene and floor are skipped, metres."""
 
 
 @dataclass(frozen=True)
@@ -25,10 +29,6 @@ class ContactTermSettings:
     back."""
     static_weight: NotNegative = 0.4
     """Weight of static parts without expected contact; 0 removes them."""
-    max_distance_m: Positive = 0.15
-    """Contact vertices farther from scene and floor are skipped, metres."""
-    sigma_m: Positive = 0.02
-    """Expected error of the surface, metres."""
     outlier_sigmas: Positive = 3.5
     """Beyond this many sigmas a distance counts as an outlier (Geman-McClure)."""
     people_weight: NotNegative = 0.8
@@ -63,7 +63,7 @@ class ContactTerm:
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Select the vertices near a surface that they face, and weigh them by the cosine between the normals."""
-        contacts, reach = snapshot.contacts, self.settings.max_distance_m
+        contacts, reach = snapshot.contacts, CONTACT_RANGE_M
         to_scene, to_floor = contacts.signed.abs(), contacts.height.abs()
         can_scene = contacts.found & (to_scene < reach) & (contacts.facing_scene > 0)
         can_floor = (to_floor < reach) & (contacts.facing_floor > 0)
@@ -79,4 +79,4 @@ class ContactTerm:
         s = self.settings
         if not s.weight:
             return None
-        return RobustSum.of("geman_mcclure", s.outlier_sigmas, s.sigma_m, s.weight * self.weights["contact"])
+        return RobustSum.of("geman_mcclure", s.outlier_sigmas, SURFACE_SIGMA_M, s.weight * self.weights["contact"])

@@ -15,9 +15,11 @@ from physic_core.engine.limbs import keypoints_of_observed_limbs
 from physic_core.geometry.camera import project
 from physic_core.geometry.robust import robust_loss
 from physic_core.geometry.visibility import inside_image
-from physic_core.types.bounds import NotNegative, Positive, Share
+from physic_core.types.bounds import NotNegative, Positive
 
 _INVISIBLE_WEIGHT = 0.4  # of keypoints on invisible limbs, which detectors extrapolate from the visible ones
+
+_MIN_CONFIDENCE = 0.3  # keypoints of lower confidence are skipped
 
 
 @dataclass(frozen=True)
@@ -30,8 +32,6 @@ class ReprojectionSettings:
     """Expected error, as a share of the person's stature in px."""
     outlier_sigmas: Positive = 5.0
     """Beyond this many sigmas a keypoint counts as an outlier (Cauchy)."""
-    min_confidence: Share = 0.3
-    """Keypoints of lower confidence are skipped."""
 
     def rho(self) -> RobustLoss:
         """Return the robust loss of reprojection errors: Cauchy with scale ``outlier_sigmas``."""
@@ -76,19 +76,14 @@ def finite_keypoints(problem: JointProblem) -> tuple[Tensor, Tensor]:
     return points, torch.where(finite, confidence, torch.zeros_like(confidence))
 
 
-def weighted_keypoints(problem: JointProblem, settings: ReprojectionSettings) -> WeightedKeypoints:
-    """Return the keypoints, weighted by confidence, with less weight on limbs that are not visible in any photo.
-
-    Args:
-        problem: with finite people only.
-        settings: of the term.
-    """
+def weighted_keypoints(problem: JointProblem) -> WeightedKeypoints:
+    """Return the keypoints of finite people, with less weight on limbs that are not visible in any photo."""
     points, confidence = finite_keypoints(problem)
     seen = keypoints_of_observed_limbs(problem.skeleton, problem.observed_anywhere)
-    weight = torch.where(confidence < settings.min_confidence, 0.0, confidence)
+    weight = torch.where(confidence < _MIN_CONFIDENCE, 0.0, confidence)
     weight = torch.where(seen, weight, _INVISIBLE_WEIGHT * confidence)
     weight = weights_inside_image(problem, points, weight)
-    return WeightedKeypoints(points, weight, seen & (weight >= settings.min_confidence))
+    return WeightedKeypoints(points, weight, seen & (weight >= _MIN_CONFIDENCE))
 
 
 def weights_inside_image(problem: JointProblem, points: Tensor, weight: Tensor) -> Tensor:

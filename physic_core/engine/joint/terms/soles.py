@@ -15,6 +15,7 @@ from physic_core.types.bounds import NotNegative
 
 _SIGMA_M, _OUTLIER_SIGMAS = 0.015, 2.0  # a foot more than about 3 cm over the floor is an outlier
 _LOWER_SIGMA_M, _LOWER_OUTLIER_SIGMAS = 0.04, 2.0
+_LOWER_WEIGHT = 2.0  # of the lower visible foot, in weights of each foot
 _MAX_LOWER_HEIGHT_M = 0.4  # a lower foot at a larger height is skipped
 _UNSEEN_SIGMA_M, _UNSEEN_OUTLIER_SIGMAS = 0.05, 3.0
 _MAX_UNSEEN_SIGMAS = 4.0  # an invisible foot at a larger height is skipped
@@ -25,9 +26,7 @@ class SoleSettings:
     """Settings of the sole term: mean height above the floor of the lowest 5 % of a sole's vertices."""
 
     weight: NotNegative = 2.0
-    """Weight of each visible foot near the floor."""
-    lower_weight: NotNegative = 4.0
-    """Weight of the lower visible foot, effective up to a larger height."""
+    """Weight of each visible foot near the floor; the lower one has twice as much again, up to a larger height."""
     unseen_weight: NotNegative = 4.0
     """Weight of each invisible foot; most feet stand on the floor."""
 
@@ -65,7 +64,7 @@ class SoleTerm:
     def is_on(self) -> bool:
         """Whether the sole term is used: there is a floor, and at least one weight of the term is not 0."""
         s = self.settings
-        return self._context.problem.floor_normal is not None and bool(s.weight or s.lower_weight or s.unseen_weight)
+        return self._context.problem.floor_normal is not None and bool(s.weight or s.unseen_weight)
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Select the feet that are not in the air, and the people whose lower foot is expected to touch the floor."""
@@ -101,7 +100,7 @@ class SoleTerm:
         def far(squared: Tensor) -> Tensor:
             return robust_loss("cauchy", squared / _LOWER_SIGMA_M**2, _LOWER_OUTLIER_SIGMAS)
 
-        weight, lower_weight = s.weight * self.weights["soles"], s.lower_weight * self.weights["lower_sole"]
+        weight, lower_weight = s.weight * self.weights["soles"], _LOWER_WEIGHT * s.weight * self.weights["lower_sole"]
         seen = sole_energy(lowest, weight, lower_weight, near, far)
         if self._all_seen:
             return seen
