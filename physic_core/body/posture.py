@@ -22,6 +22,9 @@ _NECK, _PELVIS = JOINT_INDEX["neck"], JOINT_INDEX["pelvis"]
 STANDING_DEG = 40.0
 """Largest bend of a body that stands, degrees. Body estimators bend the knees of standing people by up to 30."""
 
+_UPSIDE_DOWN_DEG = 135.0  # least angle of a trunk from up in the picture
+_SIDEWAYS_DEG = 60.0, 120.0
+
 
 def standing_legs(joints: Array, up: Array | None = None, *, trunk: bool = True) -> NDArray[np.bool_]:
     """Return the left and the right leg on which each body stands, (..., 2) bool; see :func:`legs_in_line`.
@@ -86,6 +89,30 @@ def trunk_tilt_deg(joints: Array, up: Array) -> NDArray[np.float64]:
     """Return the angle between each trunk, from pelvis to neck of (..., 55, 3), and an up direction (3,), degrees."""
     exact = np.asarray(joints, np.float64)
     return angle_deg(exact[..., _NECK, :] - exact[..., _PELVIS, :], np.asarray(up, np.float64))
+
+
+def photo_turned_deg(joints: Array, floor: Plane | None) -> int:
+    """Return by how many degrees a photo seems to be turned, by its people: 0, 90 or 180.
+
+    At 180, the trunks of all people point down in the picture. At 90, all point to the same side, people are straight,
+    and there is no floor on which they lie.
+
+    Args:
+        joints: (P, 55, 3) metres, camera frame, NaN for people without a body.
+        floor: of the scene, if one was found.
+    """
+    people = np.asarray(joints, np.float64)[np.isfinite(joints[:, [_PELVIS, _NECK]]).all((1, 2))]
+    pixels = people[..., :2] / people[..., 2:]
+    x, y = (pixels[:, _NECK] - pixels[:, _PELVIS]).T
+    turned = np.degrees(np.arctan2(x, -y))  # from up in the picture, clockwise
+    if not len(people):
+        return 0
+    if (np.abs(turned) > _UPSIDE_DOWN_DEG).all():
+        return 180
+    low, high = _SIDEWAYS_DEG
+    sideways = any(((low < side * turned) & (side * turned < high)).all() for side in (-1, 1))
+    lying = floor is not None and (trunk_tilt_deg(people, floor.normal) > STANDING_DEG).any()
+    return 90 if sideways and not lying and standing_legs(people).any(1).all() else 0
 
 
 def angle_deg(first: Array, second: Array) -> NDArray[np.float64]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import torch
 
+from physic_core.body.posture import photo_turned_deg
 from physic_core.pipeline.checks import failed_checks, grade_person, grade_photo, unknown_checks, warning_messages
 from physic_core.types import Person, Reconstruction
 from physic_core.types.main_people import main_people
@@ -58,6 +59,8 @@ def build_reconstruction(
             )
         )
     stages.warn(*warning_messages(checks))
+    if degrees := photo_turned_deg(solution.joints, solution.scene.floor):
+        stages.note(f"the people do not stand upright in the picture: is it turned by {degrees} degrees?")
     return Reconstruction(
         image=estimates.image,
         intrinsics=solution.intrinsics,

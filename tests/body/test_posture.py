@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.body.posture import STANDING_DEG, legs_in_line, standing_legs, trunk_tilt_deg
+from physic_core.body.posture import STANDING_DEG, legs_in_line, photo_turned_deg, standing_legs, trunk_tilt_deg
+from physic_core.types import Plane
 
 UP = np.array([0.0, -1.0, 0.0])
 
@@ -67,3 +68,31 @@ def test_the_rule_works_in_the_picture() -> None:
     hips, knees, ankles = (np.array([[10.0, y], [-10.0, y]]) for y in (0.0, 40.0, 80.0))
     assert legs_in_line(hips, knees, ankles, neck=np.array([0.0, -50.0]), up=np.array([0.0, -1.0])).all()
     assert not legs_in_line(hips, knees, ankles, neck=np.array([80.0, -50.0])).any()
+
+
+def photo_of(*bodies: np.ndarray, degrees: float) -> np.ndarray:
+    """Return joints (P, 55, 3), side by side 5 m away, in a picture that is turned clockwise."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    places = np.array([[x, 0.0, 5.0] for x in range(len(bodies))])[:, None]
+    return (np.stack(bodies) + places) @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]).T
+
+
+@pytest.mark.parametrize(("degrees", "said"), [(0, 0), (30, 0), (90, 90), (-90, 90), (75, 90), (180, 180), (150, 180)])
+def test_a_turned_photo_is_known_by_its_people(degrees: float, said: int) -> None:
+    assert photo_turned_deg(photo_of(body(), body(), degrees=degrees), None) == said
+
+
+def test_a_photo_is_not_turned_if_one_person_is_upright_or_nobody_has_a_body() -> None:
+    joints = np.concatenate([photo_of(body(), degrees=180), photo_of(body(), degrees=0)])
+    assert photo_turned_deg(joints, None) == 0
+    assert photo_turned_deg(np.full((1, 55, 3), np.nan), None) == 0
+    assert photo_turned_deg(np.zeros((0, 55, 3)), None) == 0
+
+
+def test_people_who_lie_or_bend_are_in_no_turned_photo() -> None:
+    lying = photo_of(body(), degrees=90)
+    assert photo_turned_deg(lying, Plane((0.0, -1.0, 0.0), 1.0)) == 0
+    assert photo_turned_deg(lying, Plane((1.0, 0.0, 0.0), 1.0)) == 90
+    assert photo_turned_deg(photo_of(body(hip=80.0, knees=(80.0, 80.0)), degrees=90), None) == 0
+    head_to_head = np.concatenate([lying, photo_of(body(), degrees=-90)])
+    assert photo_turned_deg(head_to_head, None) == 0
