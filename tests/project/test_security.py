@@ -29,7 +29,8 @@ CANNOT_RUN_CODE = {
         "plugins/physic-human/tests/test_chumpy_free.py::test_a_file_that_would_run_code_is_refused",
     ),
     "a checkpoint of `physic-human` (`.pt`, `.ckpt`), without `trust_checkpoint`": (
-        "plugins/physic-human/tests/test_hands.py::test_a_checkpoint_with_objects_is_read_only_if_trusted"
+        "plugins/physic-human/tests/test_hands.py::test_a_checkpoint_with_objects_is_read_only_if_trusted",
+        "plugins/physic-human/tests/test_sam3d_body.py::test_a_checkpoint_with_objects_is_read_only_if_trusted",
     ),
     "the cache": (
         "tests/files/test_plain.py::test_a_pickle_is_never_opened",
