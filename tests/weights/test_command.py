@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -83,12 +84,10 @@ def put(folder: Path, content: bytes = CONTENT) -> Path:
 
 def test_the_list_shows_size_licence_and_state_of_each_weight_set(plugin: Any, own_cache: Path):
     put(own_cache / "own" / "own.json", b"{}")
-    assert physic("list").stdout == (
-        "weights  plugin       size     commercial use  account  state    licence\n"
-        "free     physic-nets  1.05 MB  yes             -        missing  MIT\n"
-        "gated    physic-nets  -        NO              needed   missing  Own licence: research only\n"
-        "own      physic-nets  -        not stated      -        in part  CC-BY-4.0\n"
-    )
+    free, gated, own = (re.split(r"  +", line) for line in physic("list").stdout.splitlines()[1:])
+    assert free == ["free", "physic-nets", "1.05 MB", "yes", "-", "missing", "MIT"]
+    assert gated[3:] == ["NO", "needed", "missing", "Own licence: research only"]
+    assert own[3:] == ["not stated", "-", "in part", "CC-BY-4.0"]
     put(own_cache / "free" / "free.onnx")
     assert physic("list").stdout.splitlines()[1].split()[6] == "here"
     assert [line.split()[0] for line in physic("list", "--missing").stdout.splitlines()[1:]] == ["gated", "own"]
@@ -115,51 +114,39 @@ def test_a_broken_list_is_a_row(plugin: Any, site: Any, monkeypatch):
     path.write_text("[odd]\nsummary = 'x'\nlicense = 'MIT'\nfiles = []\n")
     done = physic("list")
     assert done.exit_code == 0
-    assert done.stdout.splitlines()[-1].split(None, 6) == [
-        *("-", "physic-odd", "-", "-", "-", "BROKEN"),
-        f"this weight manifest is invalid: {path}: [odd] has no files",
-    ]
+    assert re.search(rf"physic-odd .*BROKEN.*{re.escape(str(path))}.*\[odd\]", done.stdout)
     done = physic("verify", "nothing")
     assert done.exit_code == 2
-    assert "no weights are named 'nothing'; `physic weights list` lists all names\nphysic-odd 1.0: this" in done.stderr
+    assert re.search(r"'nothing'.*physic-odd 1\.0", done.stderr, re.DOTALL)
 
 
 def test_fetch_and_verify(plugin: Any, own_cache: Path):
     there = own_cache / "free" / "free.onnx"
     done = physic("fetch", "free")
-    assert (done.exit_code, done.stdout) == (0, f"free: free.onnx downloaded to {there}\n")
-    assert done.stderr == "free: free.onnx (1.05 MB)\n"
+    assert (done.exit_code, str(there) in done.stdout) == (0, True)
+    assert "1.05 MB" in done.stderr
     done = physic("fetch", "free")
-    assert (done.exit_code, done.stdout, done.stderr) == (0, f"free: already in {there}\n", "")
-    done = physic("verify", "free")
-    assert (done.exit_code, done.stdout) == (0, "ok       free free.onnx\n1 file: 1 ok, 0 differ, 0 missing\n")
+    assert (done.exit_code, done.stderr) == (0, "")
+    assert f"already in {there}" in done.stdout
+    assert physic("verify", "free").exit_code == 0
 
 
 def test_fetch_goes_on_with_the_others(plugin: Any, own_cache: Path):
     done = physic("fetch", "own", "gated", "free")
-    assert (done.exit_code, done.stdout) == (4, f"free: free.onnx downloaded to {own_cache / 'free' / 'free.onnx'}\n")
-    assert done.stderr.splitlines() == [
-        f"own: own.onnx, own.json of 'own' cannot be downloaded: export it with tools/export_own.py; "
-        f"then copy it into {own_cache / 'own'}",
-        "gated: 'gated' is not downloaded without --accept-licence:",
-        "  licence     Own licence: research only",
-        "  commercial  use is NOT allowed",
-        "  account     needed: request access at https://huggingface.co/owner/gated, and log in with `hf auth login`, "
-        "or set HF_TOKEN",
-        "  homepage    https://example.org/gated",
-        "to accept the licence: physic weights fetch gated --accept-licence",
-        "free: free.onnx (1.05 MB)",
-    ]
+    assert (done.exit_code, str(own_cache / "free" / "free.onnx") in done.stdout) == (4, True)
+    assert f"tools/export_own.py; then copy it into {own_cache / 'own'}" in done.stderr
+    assert "Own licence: research only" in done.stderr
+    assert "physic weights fetch gated --accept-licence" in done.stderr
 
 
 def test_fetch_to_a_folder_that_another_machine_reads_offline(plugin: Any, tmp_path: Path, server: Any, monkeypatch):
     stick = tmp_path / "stick"
     done = physic("fetch", "free", "--to", str(stick))
-    assert (done.exit_code, done.stdout) == (0, f"free: free.onnx downloaded to {stick / 'free'}\n")
+    assert (done.exit_code, str(stick / "free") in done.stdout) == (0, True)
     server.close()
     monkeypatch.setenv("PHYSIC_WEIGHTS", str(stick))
     assert physic("verify").exit_code == 0
-    assert physic("fetch", "free").stdout == f"free: already in {stick / 'free' / 'free.onnx'}\n"
+    assert f"already in {stick / 'free' / 'free.onnx'}" in physic("fetch", "free").stdout
 
 
 def test_a_name_that_two_plugins_have(plugin: Any, site: Any, server: Any, monkeypatch, own_cache: Path):
@@ -176,17 +163,11 @@ def test_verify_lists_what_differs_and_what_has_no_published_hash(plugin: Any, o
     put(own_cache / "free" / "free.onnx", CONTENT[::-1])
     put(own_cache / "own" / "own.json", b"{}")
     done = physic("verify")
-    wrong = f"its SHA-256 is {hashlib.sha256(CONTENT[::-1]).hexdigest()} instead of {HASH}"
-    assert (done.exit_code, done.stdout) == (
-        4,
-        f"DIFFERS  free free.onnx: {wrong}\n"
-        "ok       own own.json: neither size nor SHA-256 is published\n"
-        "2 files: 1 ok, 1 differ, 0 missing\n",
-    )
+    assert done.exit_code == 4
+    assert re.search(rf"DIFFERS.* {hashlib.sha256(CONTENT[::-1]).hexdigest()} .*{HASH}", done.stdout)
+    assert re.search(r"ok .*own\.json.*neither size nor SHA-256", done.stdout)
     rows = json.loads(physic("verify", "own", "--json").stdout)
     assert [(row["file"], row["state"]) for row in rows] == [("own.onnx", "missing"), ("own.json", "ok")]
     assert physic("verify", "own").exit_code == 4
     put(own_cache / "free" / "free.onnx", b"cut off")
-    assert physic("verify", "free").stdout.startswith(
-        f"DIFFERS  free free.onnx: it has 7 bytes instead of {len(CONTENT)}\n"
-    )
+    assert f"7 bytes instead of {len(CONTENT)}" in physic("verify", "free").stdout

@@ -14,7 +14,6 @@ from physic_core.weights import fingerprint, locate, missing, verify
 
 CONTENT = b"weights" * 1000
 DIGEST = hashlib.sha256(CONTENT).hexdigest()
-ADVICE = "move it away, then `physic weights fetch net`; to use a file of your own, give its path in place of 'net'"
 
 
 @pytest.fixture
@@ -53,8 +52,10 @@ def test_a_file_with_the_published_sha256_is_used(folder: Path, model: Path):
 
 def test_a_damaged_file_is_refused_and_not_missing(folder: Path, model: Path):
     found = flip_bit(model)
-    words = f"{model} is not the published file: its SHA-256 is {found} instead of {DIGEST}"
-    assert refusal(folder) == f"{words}: {ADVICE}"
+    message = refusal(folder)
+    assert f"{model} is not the published file" in message
+    assert f"{found} instead of {DIGEST}" in message
+    assert "physic weights fetch net" in message
     assert missing(folder, "net") == ()
 
 
