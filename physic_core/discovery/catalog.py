@@ -36,6 +36,9 @@ COMMANDS = _owners(_TABLES["commands"])
 ENERGIES = _owners(_TABLES["energies"])
 """Distribution of each known preset of the engine."""
 
+PAGES = _owners(_TABLES["pages"])
+"""Distribution of each known maker of pages of results."""
+
 EXECUTORS = _owners(_TABLES["executors"])
 """Distribution of each known executor of ``physic batch``."""
 
@@ -64,7 +67,8 @@ def sources_in_checkout(distribution: str) -> tuple[str, ...]:
 
     They include the distributions that it requires: until they are released, no index may be asked for their names.
     """
-    if distribution not in {*CATALOG, *COMMANDS.values(), *ENERGIES.values(), *EXECUTORS.values(), *EXPORTERS}:
+    owners = (COMMANDS, ENERGIES, EXECUTORS, PAGES)
+    if distribution not in {*CATALOG, *EXPORTERS, *(name for table in owners for name in table.values())}:
         return ()
     names = (*REQUIRES.get(distribution, ()), distribution)
     return tuple(f"{'contrib' if name in _IN_CONTRIB else 'plugins'}/{name}" for name in names)
