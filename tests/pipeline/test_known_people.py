@@ -69,7 +69,7 @@ def test_adults_and_people_without_a_body_keep_what_they_have():
 
 @pytest.mark.parametrize("who", ["child", "adult"])
 def test_the_age_of_a_child_is_contradicted_by_the_adult_beside_it(who):
-    world = build_world("child_by_the_hand", 2, (160, 120))
+    world = build_world("child_by_the_hand", 8, (160, 120))  # of four years
     order = np.argsort(world.boxes[:, 0] + world.boxes[:, 2])
     child = int(np.isfinite(world.ages[order]).argmax())
     chosen = child if who == "child" else 1 - child

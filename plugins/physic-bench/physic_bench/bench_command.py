@@ -39,7 +39,7 @@ def bench() -> None:
 
 @bench.command()
 @click.option("--worlds", metavar="N", type=click.IntRange(1), default=34, show_default=True, help="How many worlds.")
-@click.option("--seed", metavar="S", type=click.IntRange(0), default=0, show_default=True, help="Draws the worlds.")
+@click.option("--seed", metavar="S", type=click.IntRange(0), default=1, show_default=True, help="Draws the worlds.")
 @click.option("--preset", metavar="NAME", default="default", show_default=True, help="Engine's preset, the full model.")
 @click.option("--size", type=_Size(), default="320x240", show_default=True, help="Photos, px.")
 @click.option(

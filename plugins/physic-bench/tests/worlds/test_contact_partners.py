@@ -61,7 +61,7 @@ def test_the_truth_is_perfect(name):
     found = figures(*(counted(world, contacts, i) for i in range(len(world.masks))))
     assert found["partner_accuracy"] == found["scene_contact_f1"] == 1
     assert found["brier"] == found["ece"] == found["ece_likely"] == 0
-    assert found["support_f1"] > 0.7  # a hand on a table is in contact and does not carry
+    assert found["support_f1"] > 0.6  # hands on a ball are in contact and do not carry: 2/3 beside two feet
     if world.items:
         assert found["item_recall"] > 0.9  # what touches the ball and the own body has one partner
     if len(world.masks) > 1:

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_testing.worlds.contact_fit import centre_of_mass_of_joints
+from physic_core.body.joints import JOINT_INDEX
+from physic_core.geometry.mesh import vertex_normals
+from physic_testing.worlds.posing import rest_body
 from physic_testing.worlds.reproducible_math import dot, norm
-from physic_testing.worlds.skin_patches import contact_skin, vertex_normals
 from physic_testing.worlds.solids import LEVEL_GROUND, SolidDistances
 
 if TYPE_CHECKING:
@@ -32,6 +33,17 @@ _CANDIDATES = 6  # nearest vertices among which one of other skin is looked for
 _UPWARDS = 0.5  # cosine of the steepest surface that carries
 _STEADY = 0.02  # m by which the centre of mass may lie outside its supports
 
+# Mass of segments by Dempster: the joints between which each one's centre lies, the share of the way, its weight.
+_MASSES = (
+    ("pelvis", "neck", 0.42, 0.497),
+    ("neck", "head", 1.3, 0.081),
+    *((f"{s}_shoulder", f"{s}_elbow", 0.44, 0.028) for s in ("left", "right")),
+    *((f"{s}_elbow", f"{s}_wrist", 0.68, 0.022) for s in ("left", "right")),
+    *((f"{s}_hip", f"{s}_knee", 0.43, 0.100) for s in ("left", "right")),
+    *((f"{s}_knee", f"{s}_ankle", 0.43, 0.0465) for s in ("left", "right")),
+    *((f"{s}_ankle", f"{s}_foot", 0.5, 0.0145) for s in ("left", "right")),
+)
+
 
 def touched_own_part(model: BodyModel, vertices: FloatArray, reach: float) -> NDArray[np.int16]:
     """Return the part of the own body that each outer vertex touches: (N, V), index of the part, or NONE.
@@ -44,17 +56,16 @@ def touched_own_part(model: BodyModel, vertices: FloatArray, reach: float) -> ND
         vertices: (N, V, 3) m.
         reach: m.
     """
-    skin = contact_skin(model)
-    outer = skin.outer
+    outer, part, (rest, _) = np.flatnonzero(model.outer.numpy()), model.part_of_vertex.numpy(), rest_body(model)
     touched = np.full(vertices.shape[:2], NONE, np.int16)
     for i, body in enumerate(vertices):
-        normals = vertex_normals(body, skin.faces)
+        normals = vertex_normals(body, model.faces.numpy())
         least = np.full(len(body), np.inf)
-        for p in range(len(skin.part_names)):
-            own = outer[skin.part[outer] == p]
+        for p in range(len(model.part_names)):
+            own = outer[part[outer] == p]
             low, high = body[own].min(axis=0) - _MARGIN, body[own].max(axis=0) + _MARGIN
-            others = outer[(skin.part[outer] != p) & ((body[outer] > low) & (body[outer] < high)).all(axis=1)]
-            distance = _skin_distance(body, normals, others, own, reach, rest=skin.rest)
+            others = outer[(part[outer] != p) & ((body[outer] > low) & (body[outer] < high)).all(axis=1)]
+            distance = _skin_distance(body, normals, others, own, reach, rest=rest)
             nearer = distance < least[others]
             touched[i, others[nearer]], least[others[nearer]] = p, distance[nearer]
     return touched
@@ -68,16 +79,16 @@ def touched_people(model: BodyModel, vertices: FloatArray, reach: float) -> tupl
         vertices: (N, V, 3) m.
         reach: m, largest distance; vertices inside another body touch it too.
     """
-    skin = contact_skin(model)
+    outer, part_of_vertex = np.flatnonzero(model.outer.numpy()), model.part_of_vertex.numpy()
     person, part = (np.full(vertices.shape[:2], NONE, np.int16) for _ in range(2))
     least = np.full(vertices.shape[:2], np.inf)
-    normals = [vertex_normals(body, skin.faces) for body in vertices]
+    normals = [vertex_normals(body, model.faces.numpy()) for body in vertices]
     for j, other in enumerate(vertices):
-        for p in range(len(skin.part_names)):
-            theirs = skin.outer[skin.part[skin.outer] == p]
+        for p in range(len(model.part_names)):
+            theirs = outer[part_of_vertex[outer] == p]
             low, high = other[theirs].min(axis=0) - _MARGIN, other[theirs].max(axis=0) + _MARGIN
             for i, body in enumerate(vertices):
-                near = skin.outer[((body[skin.outer] > low) & (body[skin.outer] < high)).all(axis=1)]
+                near = outer[((body[outer] > low) & (body[outer] < high)).all(axis=1)]
                 if i == j or not len(near):
                     continue
                 distance = _skin_distance(body, normals[i], near, theirs, reach, onto=(other, normals[j]))
@@ -148,7 +159,7 @@ def supporting_vertices(
         level = np.zeros(len(body), bool)
         level[contact[i]] = towards[:, 1] > _UPWARDS
         down = vertex_normals(body, faces)[:, 1] < -_UPWARDS
-        if not _above(centre_of_mass_of_joints(joints[i]), body[level]):
+        if not _above(_centre_of_mass(joints[i]), body[level]):
             level = contact[i] | ((touched_person[i] != NONE) & down)
         carrying[i] = level
     return carrying
@@ -195,6 +206,15 @@ def _skin_distance(
     close = facing & (distance <= np.where(along < 0, _DEEPEST, reach))
     found: FloatArray = np.where(close, np.where(along < 0, 0.0, distance), np.inf).min(axis=1)
     return found
+
+
+def _centre_of_mass(joints: FloatArray) -> FloatArray:
+    """Return the centre of mass (3,) of a body with joints (55, 3), m."""
+    centre, total = np.zeros(3), 0.0
+    for first, second, share, weight in _MASSES:
+        start, end = joints[JOINT_INDEX[first]], joints[JOINT_INDEX[second]]
+        centre, total = centre + weight * (start + share * (end - start)), total + weight
+    return centre / total
 
 
 def _above(centre: FloatArray, points: FloatArray) -> bool:

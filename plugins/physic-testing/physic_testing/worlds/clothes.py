@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_testing.worlds.contact_fit import pose_body
+from physic_testing.worlds.posing import rest_body
 from physic_testing.worlds.reproducible_math import apply, norm
 from physic_testing.worlds.textures import noise
 
@@ -43,7 +43,7 @@ class Clothes:
     """
 
     def __init__(self, model: BodyModel, rng: np.random.Generator) -> None:
-        rest, joints = pose_body(model, np.zeros((55, 3)), np.zeros(model.num_betas), np.zeros(3))
+        rest, joints = rest_body(model)
         self._faces, self._rest = model.faces.numpy(), rest
         kind = _kinds(model, rest, joints, rng)
         palette = np.array([_pick(rng, p) for p in (_SKIN, _TOPS, _BOTTOMS)] + [_shoes(rng), _pick(rng, _HAIR)])

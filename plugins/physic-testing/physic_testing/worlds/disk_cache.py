@@ -1,4 +1,4 @@
-"""Disk cache of worlds and action scenes.
+"""Disk cache of worlds and of the cameras of their views.
 
 The folder is ``$XDG_CACHE_HOME/physic/worlds``, or the system's default for caches. Set ``PHYSIC_WORLD_CACHE`` to
 another folder, or to "off". A damaged file is rebuilt. If the folder is not writable, worlds are built in every
@@ -41,14 +41,9 @@ def folder() -> Path | None:
     return cache_folder("worlds", FOLDER_VARIABLE)
 
 
-def cache_key(*parts: str | int, without: tuple[str, ...] = ()) -> str:
-    """Return a file name from identifying parts and a hash of the source code that builds the entry.
-
-    Args:
-        parts: identify the entry.
-        without: modules of ``physic_testing.worlds`` that do not affect the entry.
-    """
-    return "-".join(str(part) for part in (*parts, _builder(without)))
+def cache_key(*parts: str | int) -> str:
+    """Return a file name from identifying parts and a hash of the source code and data that build the entry."""
+    return "-".join(str(part) for part in (*parts, _builder()))
 
 
 def load_or_build(key: str, kind: type[T], classes: Iterable[type], build: Callable[[], T]) -> T:
@@ -89,12 +84,10 @@ def _save(where: Path, name: str, thing: object) -> None:
 
 
 @cache
-def _builder(without: tuple[str, ...]) -> str:
+def _builder() -> str:
     """Return a hash of the cache version, the world modules with their data, and the embedded body."""
     digest = hashlib.sha256(f"{VERSION}".encode())
     here = Path(__file__).parent
-    files = sorted([*here.glob("*.py"), *here.glob("*.npz")])
-    sources = [path for path in files if path.stem not in without]
-    for path in (*sources, Path(body.__file__).with_name("embedded.sha256")):
+    for path in (*sorted([*here.glob("*.py"), *here.glob("*.npz")]), Path(body.__file__).with_name("embedded.sha256")):
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()[:16]

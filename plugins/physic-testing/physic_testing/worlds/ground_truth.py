@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.rays import RayCaster, RayHits
 from physic_core.types import SURFACE_NAMES, BodyParameters
 from physic_testing.worlds.clothes import Clothes
-from physic_testing.worlds.contact_fit import pose_body
+from physic_testing.worlds.posing import pose_body
 from physic_testing.worlds.rendering import (
     AreaLight,
     Lighting,
@@ -25,7 +26,6 @@ from physic_testing.worlds.rendering import (
 from physic_testing.worlds.reproducible_math import apply, norm
 from physic_testing.worlds.rooms import SurfaceColours
 from physic_testing.worlds.scene_setup import StagedScene
-from physic_testing.worlds.skin_patches import vertex_normals
 from physic_testing.worlds.solids import yaw_matrix
 from physic_testing.worlds.textures import sky
 
@@ -94,11 +94,11 @@ def _surface_ids(room: _RoomMesh, seen: RenderedView) -> NDArray[np.int64]:
     return np.where(in_room, room.surface[np.where(in_room, seen.face, 0)], -1)
 
 
-def pose_world_bodies(model: BodyModel, stage: StagedScene, skeletons: tuple[Skeleton, ...]) -> WorldBodies:
+def pose_world_bodies(stage: StagedScene, skeletons: tuple[Skeleton, ...]) -> WorldBodies:
     """Return the bodies in the camera frame, posed with the float32 parameters that the world stores."""
     from scipy.spatial.transform import Rotation
 
-    turn = Rotation.from_matrix(stage.camera.rotation)
+    model, turn = stage.model, Rotation.from_matrix(stage.camera.rotation)
     poses, transl = [], []
     for actor in stage.actors:
         pose = actor.pose.copy()
@@ -137,18 +137,15 @@ def _landmarks(model: BodyModel, vertices: FloatArray, joints: FloatArray, skele
     return points
 
 
-def render_pictures(
-    model: BodyModel, stage: StagedScene, intrinsics: Intrinsics, vertices: FloatArray, rng: np.random.Generator
-) -> Pictures:
+def render_pictures(stage: StagedScene, vertices: FloatArray, rng: np.random.Generator) -> Pictures:
     """Render the photo with and without people, with their masks.
 
     Args:
-        model: body model of the people.
-        stage: place and camera.
-        intrinsics: camera intrinsics.
-        vertices: (N, V, 3) camera frame.
+        stage: people, place and camera.
+        vertices: (N, V, 3) of the people, camera frame.
         rng: random generator of clothes, lamps, sky and sensor noise.
     """
+    model, intrinsics = stage.model, stage.intrinsics
     shell, occupied = (_RoomMesh(*stage.room.mesh(occupied=with_people)) for with_people in (False, True))
     scene, furnished = (_scene_mesh(stage.camera.to_camera(part.vertices), part.faces) for part in (shell, occupied))
     everything = _with_people(furnished, model, vertices)

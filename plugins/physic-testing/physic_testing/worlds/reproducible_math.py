@@ -1,14 +1,14 @@
 """Vector and rotation functions with bit-identical results on every CPU and number of threads.
 
-BLAS, ``einsum`` and sines of arrays differ in the last bit between kernels, and the fits and decisions of a world
-amplify one bit to centimetres. All functions here use only sums, products, quotients and square roots in a fixed order,
+BLAS, ``einsum`` and sines of arrays differ in the last bit between kernels, and decisions of a world amplify one bit to
+centimetres. All functions here use only sums, products, quotients and square roots in a fixed order,
 whose rounding IEEE 754 defines.
 """
 
 from __future__ import annotations
 
 from math import factorial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,7 +23,6 @@ __all__ = [
     "dot",
     "matmul",
     "norm",
-    "rotation_gradient",
     "rotation_matrix",
     "round_to_grid",
     "sin_cos",
@@ -37,17 +36,9 @@ _QUARTER_TURN = (1.5707963267341256, 6.077100506506192e-11)
 
 _TERMS = 18
 _ORDER = range(_TERMS - 1, -1, -1)
-# Of sin(t) / t, (1 - cos(t)) / t^2 and their derivatives, as series in t^2.
+# Of sin(t) / t and (1 - cos(t)) / t^2, as series in t^2.
 _SERIES: NDArray[np.float64] = np.array(
-    [
-        [
-            (-1) ** k / factorial(2 * k + 1),
-            (-1) ** k / factorial(2 * k + 2),
-            (-1) ** (k + 1) * (k + 1) / factorial(2 * k + 3),
-            (-1) ** (k + 1) * (k + 1) / factorial(2 * k + 4),
-        ]
-        for k in range(_TERMS)
-    ]
+    [[(-1) ** k / factorial(2 * k + 1), (-1) ** k / factorial(2 * k + 2)] for k in range(_TERMS)]
 )
 
 
@@ -98,7 +89,7 @@ def sin_cos(angle: FloatArray | float) -> tuple[FloatArray, FloatArray]:
     quarter = np.round(angle / _QUARTER_TURN[0])
     rest = angle - quarter * _QUARTER_TURN[0] - quarter * _QUARTER_TURN[1]
     square = rest * rest
-    a, b = _series(square, 2)
+    a, b = _series(square)
     sine, cosine = rest * a, 1 - square * b
     turn = np.mod(quarter, 4)
     choice = [turn == 0, turn == 1, turn == 2]
@@ -122,27 +113,15 @@ def arctan2(y: FloatArray | float, x: FloatArray | float) -> FloatArray:
 def rotation_matrix(rotvec: FloatArray) -> FloatArray:
     """Convert rotation vectors (..., 3) of at most 2 pi to matrices (..., 3, 3)."""
     cross = _cross_matrix(rotvec)
-    a, b = _series(dot(rotvec, rotvec), 2)[..., None, None]
+    a, b = _series(dot(rotvec, rotvec))[..., None, None]
     turned: FloatArray = np.eye(3) + a * cross + b * matmul(cross, cross)
     return turned
 
 
-def rotation_gradient(rotvec: FloatArray, by_rotation: FloatArray) -> FloatArray:
-    """Convert the gradient with respect to rotation matrices (n, 3, 3) to that of their vectors (n, 3)."""
-    cross = _cross_matrix(rotvec)
-    a, b, slope_a, slope_b = _series(dot(rotvec, rotvec), 4)
-    by_cross = a[:, None] * _cross_gradient(by_rotation)
-    turned = np.swapaxes(cross, -1, -2)
-    by_square = b[:, None] * _cross_gradient(matmul(by_rotation, turned) + matmul(turned, by_rotation))
-    along = slope_a * _inner(by_rotation, cross) + slope_b * _inner(by_rotation, matmul(cross, cross))
-    gradient: FloatArray = by_cross + by_square + 2 * along[:, None] * rotvec
-    return gradient
-
-
-def _series(square: FloatArray, count: int) -> FloatArray:
-    """Evaluate the first ``count`` Taylor series at squared angles (...), (count, ...)."""
-    rows = _SERIES[:, :count].reshape(_TERMS, count, *(1,) * np.ndim(square))
-    total = np.zeros((count, *np.shape(square)))
+def _series(square: FloatArray) -> FloatArray:
+    """Evaluate both series at squared angles (...), (2, ...)."""
+    rows = _SERIES.reshape(_TERMS, 2, *(1,) * np.ndim(square))
+    total = np.zeros((2, *np.shape(square)))
     for k in _ORDER:
         total *= square
         total += rows[k]
@@ -156,20 +135,3 @@ def _cross_matrix(vectors: FloatArray) -> FloatArray:
     matrix[..., 0, 1], matrix[..., 0, 2], matrix[..., 1, 2] = -z, y, -x
     matrix[..., 1, 0], matrix[..., 2, 0], matrix[..., 2, 1] = z, -y, x
     return matrix
-
-
-def _cross_gradient(matrix: FloatArray) -> FloatArray:
-    """Convert the gradient with respect to cross-product matrices (..., 3, 3) to that of their vectors (..., 3)."""
-    return np.stack(
-        [
-            matrix[..., 2, 1] - matrix[..., 1, 2],
-            matrix[..., 0, 2] - matrix[..., 2, 0],
-            matrix[..., 1, 0] - matrix[..., 0, 1],
-        ],
-        -1,
-    )
-
-
-def _inner(a: FloatArray, b: FloatArray) -> Any:
-    """Return the sum of the element-wise products of matrices."""
-    return dot(dot(a, b), np.ones(3))

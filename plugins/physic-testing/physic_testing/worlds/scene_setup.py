@@ -13,17 +13,9 @@ import numpy as np
 
 from physic_core.types import Intrinsics
 from physic_testing.worlds import disk_cache
-from physic_testing.worlds.action_scenes import (
-    RAISED_FEET_ACTIONS,
-    TOUCHING_ACTIONS,
-    ActionPose,
-    ActionScene,
-    draw_action,
-)
+from physic_testing.worlds.action_scenes import POOLS, ActionPose, ActionScene, load_action
 from physic_testing.worlds.cameras import CameraShot, PhotoSubjects, RoomCamera, find_camera
-from physic_testing.worlds.children import CHILD_ACTIONS
-from physic_testing.worlds.contact_fit import pose_body
-from physic_testing.worlds.solids import Block, Ground
+from physic_testing.worlds.posing import pose_body
 from physic_testing.worlds.surroundings import build_outdoor_place, build_room
 from physic_testing.worlds.views import CameraShots, find_views
 
@@ -37,28 +29,6 @@ if TYPE_CHECKING:
 __all__ = ["StagedScene", "set_up_scene"]
 
 _ATTEMPTS = 12
-_UNRELATED_MODULES = (
-    "cameras",
-    "body_contacts",
-    "clothes",
-    "dents",
-    "disk_cache",
-    "ground_truth",
-    "labels",
-    "other_bodies",
-    "ray_casting",
-    "rendering",
-    "rooms",
-    "scene_setup",
-    "surroundings",
-    "textures",
-    "views",
-    "world",
-)
-"""Modules that do not affect an action scene and its cache key."""
-
-_CONTACT_MODULES = ("contact_actions", "contact_groups", "small_objects")
-"""Modules that affect no scene of ``ACTIONS``."""
 
 
 @dataclass(frozen=True)
@@ -66,9 +36,11 @@ class StagedScene:
     """A room or outdoor place with posed people and a camera.
 
     Attributes:
+        model: body model of the people.
         first_camera: that of view 0, which the light depends on; ``camera`` in a world of one camera.
     """
 
+    model: BodyModel
     room: Room
     actors: tuple[ActionPose, ...]
     camera: RoomCamera
@@ -76,34 +48,26 @@ class StagedScene:
     first_camera: RoomCamera
 
 
-def set_up_scene(
-    model: BodyModel, name: str, seed: int, size: tuple[int, int], other_bodies: bool = False, view: int | None = None
-) -> StagedScene:
-    """Draw action scenes until a camera shows everybody, then build the surroundings.
+def set_up_scene(model: BodyModel, name: str, seed: int, size: tuple[int, int], view: int | None = None) -> StagedScene:
+    """Choose action scenes until a camera shows everybody, then build the surroundings.
 
     Args:
-        model: body model.
-        name: name of the action.
+        model: embedded body in float64.
+        name: name of the world, without a view.
         seed: seed of all random choices.
         size: width and height of the photo, px.
-        other_bodies: whether the model is one of ``other_bodies``, which has action scenes of its own.
         view: number of the camera in a world with several views; None in a world of one camera.
 
     Raises:
-        RuntimeError: no camera shows everybody in any of the drawn action scenes.
+        RuntimeError: no camera shows everybody in any of the chosen action scenes.
     """
     for take in range(_ATTEMPTS):
         # Each matter has its own numbers, so that another photo size does not change the people.
         act, look, place = (
             np.random.default_rng([seed, zlib.crc32(name.encode()), take, matter]) for matter in range(3)
         )
-        action_scene = disk_cache.load_or_build(
-            _cache_key(name, seed, take, other_bodies),
-            ActionScene,
-            (ActionPose, Block, Ground),
-            lambda act=act: draw_action(name, model, act),  # type: ignore[misc]
-        )
-        posed = [pose_body(model, a.pose, a.betas, a.transl) for a in action_scene.actors]
+        action_scene = load_action(name, model, POOLS[seed % len(POOLS)], act)
+        posed = [pose_body(action_scene.model, a.pose, a.betas, a.transl) for a in action_scene.actors]
         vertices, joints = (np.stack(part) for part in zip(*posed, strict=True))
         subject = PhotoSubjects(vertices, joints, model.faces.numpy(), action_scene.blocks, action_scene.ground)
         shot = find_camera(
@@ -118,29 +82,15 @@ def set_up_scene(
             shots: tuple[CameraShot, ...] = (shot,)
             if view is not None:
                 shots = disk_cache.load_or_build(
-                    disk_cache.cache_key("views", f"{name}{'+other' * other_bodies}", seed, *size),
+                    disk_cache.cache_key("views", name, seed, *size),
                     CameraShots,
                     (CameraShot, RoomCamera, Intrinsics),
                     lambda: find_views(subject, look, size, shot, outdoors=action_scene.outdoors),  # noqa: B023
                 ).shots
             own = shots[view or 0]
             room = _build_surroundings(action_scene, subject.sparse, shots, place)
-            return StagedScene(room, action_scene.actors, own.camera, own.intrinsics, shot.camera)
+            return StagedScene(action_scene.model, room, action_scene.actors, own.camera, own.intrinsics, shot.camera)
     raise RuntimeError(f"No camera sees everybody of the world {name!r}, seed {seed}, at {size[0]} x {size[1]} px.")
-
-
-def _cache_key(name: str, seed: int, take: int, other_bodies: bool) -> str:
-    unrelated: tuple[str, ...] = _UNRELATED_MODULES
-    if name not in TOUCHING_ACTIONS:
-        unrelated += _CONTACT_MODULES
-    if name not in RAISED_FEET_ACTIONS:
-        unrelated += ("raised_feet",)
-    if name not in CHILD_ACTIONS:
-        unrelated += ("children",)
-    if not other_bodies:
-        return disk_cache.cache_key("action_scene", name, seed, take, without=unrelated)
-    unrelated = tuple(module for module in unrelated if module != "other_bodies")
-    return disk_cache.cache_key("action_scene", f"{name}+other", seed, take, without=unrelated)
 
 
 def _build_surroundings(

@@ -164,7 +164,6 @@ class World:
         items: names of the small objects, which belong to the photo and not to the empty scene.
         item_masks: (K, H, W) bool, visible pixels of each small object.
         distance: (N, V) float32, signed distance to the scene, negative inside.
-        residual: (N,) m, largest contact gap or penetration depth of the fitted pose.
     """
 
     name: str
@@ -210,7 +209,6 @@ class World:
     items: tuple[str, ...]
     item_masks: BoolArray
     distance: FloatArray
-    residual: FloatArray
 
     def points(self, *, people: bool) -> FloatArray:
         """Return the point map (H, W, 3) float32, with or without people; inf in the sky."""
@@ -228,7 +226,8 @@ def build_world(name: str = "stand", seed: int = 0, size: tuple[int, int] = (320
         name: one of WORLDS, CONTACT_WORLDS, RAISED_FEET_WORLDS or CHILD_WORLDS; with OTHER_BODIES after one of the
             first three, people have bodies that no shape of the body model has. Names of ``view_names`` show one
             moment from several cameras.
-        seed: seed of shapes, poses, furniture, camera, light and colours; from 0 to 2^64 - 1.
+        seed: chooses a posed scene, and draws furniture, camera, light and colours; from 0 to 2^64 - 1. Seeds with
+            another remainder divided by 3 have no posed scene in common.
         size: width and height of the photo, px.
 
     Raises:
@@ -246,7 +245,6 @@ def build_world(name: str = "stand", seed: int = 0, size: tuple[int, int] = (320
 
 
 _COLOUR_STREAM = 9  # of the random numbers of clothes and light
-_BODY_STREAM = 10  # of those of other bodies
 
 
 def is_world(name: str) -> bool:
@@ -268,11 +266,12 @@ def benchmark_worlds(count: int, seed: int, names: tuple[str, ...] = WORLDS) -> 
 
     Args:
         count: of worlds.
-        seed: of the seeds.
+        seed: of the seeds. Its remainder divided by 3 is that of all of them, and says which pool of posed scenes they
+            choose from: 1 for development, 2 to choose settings, 0 to confirm them.
         names: WORLDS, CONTACT_WORLDS, RAISED_FEET_WORLDS or CHILD_WORLDS.
     """
-    seeds = np.random.default_rng(seed).integers(0, 1 << 31, count)
-    return tuple((names[i % len(names)], int(own)) for i, own in enumerate(seeds))
+    numbers = np.random.default_rng(seed).integers(0, (1 << 31) // 3, count)
+    return tuple((names[i % len(names)], 3 * int(own) + seed % 3) for i, own in enumerate(numbers))
 
 
 @lru_cache(maxsize=24)
@@ -306,29 +305,23 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
         touched_people,
         touched_surface,
     )
-    from physic_testing.worlds.children import age_of, with_children
+    from physic_testing.worlds.children import age_of
     from physic_testing.worlds.dents import press_dents
     from physic_testing.worlds.ground_truth import pose_world_bodies, project, render_pictures, visible_landmarks
-    from physic_testing.worlds.other_bodies import other_body
     from physic_testing.worlds.reproducible_math import apply, dot
     from physic_testing.worlds.scene_setup import set_up_scene
 
-    fitted = model = load_body("embedded").to(dtype=torch.float64)
+    fitted = load_body("embedded").to(dtype=torch.float64)
     base, view = split_name(name)
-    action, other = base.removesuffix(OTHER_BODIES), base.endswith(OTHER_BODIES)
-    number = zlib.crc32(action.encode())
-    if other:
-        model = other_body(model, np.random.default_rng([seed, number, _BODY_STREAM]))
-    if action in CHILD_WORLDS:
-        model = with_children(model)
-    stage = set_up_scene(model, action, seed, size, other, view)
-    intrinsics, rng = stage.intrinsics, np.random.default_rng([seed, number, _COLOUR_STREAM])
-    bodies = pose_world_bodies(model, stage, tuple(SKELETONS.values()))
+    stage = set_up_scene(fitted, base, seed, size, view)
+    model, intrinsics = stage.model, stage.intrinsics
+    rng = np.random.default_rng([seed, zlib.crc32(base.encode()), _COLOUR_STREAM])
+    bodies = pose_world_bodies(stage, tuple(SKELETONS.values()))
     parameters = bodies.parameters if model is fitted else _with_same_pelvis(fitted, bodies)
     in_room, outer = stage.camera.to_room(bodies.vertices), model.outer.numpy()
     dents = press_dents(stage.room.blocks, in_room, model.faces.numpy())
     stage = replace(stage, room=replace(stage.room, dents=dents))
-    pictures = render_pictures(model, stage, intrinsics, bodies.vertices, rng)
+    pictures = render_pictures(stage, bodies.vertices, rng)
     distance = stage.room.signed_distance(in_room)
     contact = (distance <= CONTACT_DISTANCE) & outer
     person, person_part = touched_people(model, in_room, CONTACT_DISTANCE)
@@ -381,7 +374,6 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
         items=stage.room.items,
         item_masks=pictures.item_masks,
         distance=distance.astype(np.float32),
-        residual=np.array([actor.residual for actor in stage.actors]),
     )
 
 
@@ -395,10 +387,10 @@ def _dent(room: Room, vertices: FloatArray) -> FloatArray:
 
 def _with_same_pelvis(model: BodyModel, bodies: WorldBodies) -> BodyParameters:
     """Return the parameters of bodies of another model, moved so that this model has the pelvis at the same place."""
-    from physic_testing.worlds.contact_fit import pose_body
+    from physic_testing.worlds.posing import rest_body
 
     betas = bodies.parameters.betas[:, : model.num_betas]
-    rest = [pose_body(model, np.zeros((55, 3)), row, np.zeros(3))[1][0] for row in betas]
+    rest = [rest_body(model, row)[1][0] for row in betas]
     return replace(bodies.parameters, betas=betas, transl=(bodies.joints[:, 0] - np.stack(rest)).astype(np.float32))
 
 

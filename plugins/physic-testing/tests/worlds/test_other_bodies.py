@@ -8,9 +8,9 @@ import torch
 
 from physic_core.body import load_body
 from physic_testing.worlds import CONTACT_DISTANCE, OTHER_BODIES, SKELETONS, build_world
-from physic_testing.worlds.contact_fit import pose_body
 from physic_testing.worlds.ground_truth import project
 from physic_testing.worlds.other_bodies import other_body
+from physic_testing.worlds.posing import pose_body, rest_body
 
 
 @pytest.fixture(scope="module")
@@ -23,16 +23,12 @@ def world():
     return build_world("stand" + OTHER_BODIES, 0)
 
 
-def rest(model, betas):
-    return pose_body(model, np.zeros((55, 3)), betas, np.zeros(3))
-
-
 def test_no_shape_of_the_model_explains_the_body(model):
     changed = other_body(model, np.random.default_rng(3))
     zero = np.zeros(model.num_betas)
-    vertices, joints = rest(changed, zero)
-    own_vertices, own_joints = rest(model, zero)
-    directions = np.stack([np.concatenate(rest(model, row)) for row in np.eye(model.num_betas)])
+    vertices, joints = rest_body(changed, zero)
+    own_vertices, own_joints = rest_body(model, zero)
+    directions = np.stack([np.concatenate(rest_body(model, row)) for row in np.eye(model.num_betas)])
     directions = (directions - np.concatenate([own_vertices, own_joints])).reshape(model.num_betas, -1)
     wanted = (np.concatenate([vertices, joints]) - np.concatenate([own_vertices, own_joints])).reshape(-1)
     betas = np.linalg.lstsq(directions.T, wanted, rcond=None)[0]
@@ -44,8 +40,10 @@ def test_no_shape_of_the_model_explains_the_body(model):
 def test_shape_components_act_on_the_body_as_on_the_model(model):
     changed = other_body(model, np.random.default_rng(3))
     betas = np.full(model.num_betas, 0.5)
-    taller = np.ptp(rest(changed, betas)[0][:, 1]) - np.ptp(rest(changed, -betas)[0][:, 1])
-    assert taller == pytest.approx(np.ptp(rest(model, betas)[0][:, 1]) - np.ptp(rest(model, -betas)[0][:, 1]), rel=0.3)
+    taller = np.ptp(rest_body(changed, betas)[0][:, 1]) - np.ptp(rest_body(changed, -betas)[0][:, 1])
+    assert taller == pytest.approx(
+        np.ptp(rest_body(model, betas)[0][:, 1]) - np.ptp(rest_body(model, -betas)[0][:, 1]), rel=0.3
+    )
 
 
 def test_the_truth_is_that_of_the_other_body(world, model):
