@@ -80,7 +80,7 @@ def _setup() -> tuple[Any, Any]:
     from physic_core.interfaces import INTERFACES
 
     torch.set_num_threads(1)
-    mocks: dict[str, Any] = {name: {"options": {"version": 4}} for name in INTERFACES}
+    mocks: dict[str, Any] = {name: {"options": {"noise": 1}} for name in INTERFACES}
     mocks["segmenter"]["options"] |= {"surfaces": True}
     plan = resolve(load_config(preset="mock", flags={"noise": mocks}), discover())
     return plan, load_body(plan.body_model)

@@ -64,11 +64,11 @@ def main() -> None:
 
 
 def mock_config() -> Any:
-    """Return the mocks with noise of version 4 and labelled surfaces."""
+    """Return the mocks with noise and labelled surfaces."""
     from physic_core import load_config
     from physic_core.interfaces import INTERFACES
 
-    mocks: dict[str, dict[str, Any]] = {name: {"options": {"version": 4}} for name in INTERFACES}
+    mocks: dict[str, dict[str, Any]] = {name: {"options": {"noise": 1}} for name in INTERFACES}
     mocks["segmenter"]["options"]["surfaces"] = True
     return load_config(preset="mock", flags={"noise": mocks})
 

@@ -1,7 +1,7 @@
 """Errors of a preset's estimators on real photos with measured truth, beside those that the mocks draw on worlds.
 
     python -m benchmarks.truth.estimators DATA ... --out estimator-errors [--preset embedded] [--photos N]
-    python -m benchmarks.truth.estimators --worlds 40 --noise-version 4 --out estimator-errors
+    python -m benchmarks.truth.estimators --worlds 40 --out estimator-errors
 
 The first runs the estimators on every photo, without the engine, and keeps their results in ``--out/evidence``, so that
 an interrupted run continues: use a new folder for another version of the code. The second runs the mocks on worlds.
@@ -52,13 +52,12 @@ def main() -> int:
     add_arguments_of_photos(parser, Path("estimator-errors"))
     parser.add_argument("--no-run", action="store_true", help="only the photos whose evidence --out holds already")
     parser.add_argument("--worlds", type=int, default=0, metavar="N", help="measure the mocks on N worlds instead")
-    parser.add_argument("--noise-version", default="4", help="of the mocks")
     parser.add_argument("--seed", type=int, default=0, help="draws the worlds")
     given = parser.parse_args()
     from benchmarks.truth.estimator_statistics import statistics_of, text_of
 
     if given.worlds:
-        records, name = world_records(given.worlds, given.seed, given.noise_version, given.settings), "worlds"
+        records, name = world_records(given.worlds, given.seed, given.settings), "worlds"
     else:
         samples = samples_of(given.data, given.sets.split(","), given.photos, None)
         records, name = photo_records(samples, given), "photos"
@@ -270,7 +269,7 @@ def resized(points: Array, size: tuple[int, int], estimates: Estimates) -> Array
     return moved
 
 
-def world_records(count: int, seed: int, version: str, settings: Sequence[str]) -> dict[str, list[Mapping[str, Any]]]:
+def world_records(count: int, seed: int, settings: Sequence[str]) -> dict[str, list[Mapping[str, Any]]]:
     """The records of the mocks on worlds, by kind; the camera is given, as for the photos."""
     from benchmarks.truth.estimator_errors import estimator_records, world_truth
     from physic_core import load_config
@@ -283,7 +282,7 @@ def world_records(count: int, seed: int, version: str, settings: Sequence[str]) 
     from physic_core.types import CameraTrust
     from physic_testing.worlds import benchmark_worlds, build_world
 
-    options = [f"{name}.options.version={version}" for name in INTERFACES]
+    options = [f"{name}.options.noise=1" for name in INTERFACES]
     plan = resolve(load_config(preset="mock", overrides=[*options, *settings]), discover())
     model = load_body(plan.body_model)
     kinds: dict[str, list[Mapping[str, Any]]] = {}

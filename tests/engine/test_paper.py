@@ -12,6 +12,7 @@ from physic_core import engine_preset, load_config, reconstruct
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
 from physic_core.geometry.camera import project
+from physic_core.interfaces import INTERFACES
 from physic_testing.worlds import build_world
 
 from .adjusted import adjusted
@@ -56,9 +57,9 @@ def test_the_energy_falls_and_everybody_moves(start):
 @pytest.mark.parametrize("name", ["sit_on_chair"])
 def test_stage_three_moves_in_a_world(name):
     world = build_world(name, seed=3, size=(128, 96))
-    diagnostics = reconstruct(
-        world.image, load_config(preset="mock", overrides=["engine.preset=paper", "run.cache=false"])
-    ).diagnostics
+    noise = [f"{name}.options.noise=1" for name in INTERFACES]
+    config = load_config(preset="mock", overrides=["engine.preset=paper", "run.cache=false", *noise])
+    diagnostics = reconstruct(world.image, config).diagnostics
     losses, scale = diagnostics["joint"]["losses"], diagnostics["joint"]["scene_scale"]
     before, after = (sum(value[when] for value in losses.values()) for when in ("start", "end"))
     assert after < before

@@ -197,7 +197,7 @@ def test_file_set_and_python_give_one_cache_key(warm: Path, counts: Counts, phot
 def test_options_of_a_backend_are_part_of_the_cache_key(
     warm: Path, counts: Counts, photo: Path, interface: str, asked: Counter[str]
 ) -> None:
-    config = load_config(preset="mock", overrides=[f"{interface}.options.noise=0.5"])
+    config = load_config(preset="mock", overrides=[f"{interface}.options.noise=3"])
     reconstruct(read_photo(photo).image, config)
     assert counts.asked == asked
 

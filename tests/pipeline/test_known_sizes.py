@@ -237,13 +237,16 @@ def test_sizes_on_the_command_line(tmp_path, stand: World) -> None:
     photo = tmp_path / "photo.png"
     Image.fromarray(stand.image).save(photo)
     quick = ["--preset", "mock", "--no-cache", "--set", "engine.joint.optimiser.steps=2"]
-    sizes = ["--stature", "1.8", "--camera-height", "1.5", "--known-length", "10,100,150,100,2"]
+    a, b = (stand.points(people=True)[100, x] for x in (10, 150))
+    tall = float(MODEL.stature(torch.tensor(stand.parameters.betas))[0])
+    sizes = ["--stature", f"{tall:.2f}", "--camera-height", f"{stand.floor.offset:.2f}"]
+    sizes += ["--known-length", f"10,100,150,100,{np.linalg.norm(a - b):.2f}"]
     out = CliRunner().invoke(main, ["run", str(photo), "-o", str(tmp_path / "out"), *quick, *sizes])
     assert out.exit_code == 0, out.output
     from physic_core import load_reconstruction
 
     result = load_reconstruction(str(tmp_path / "out"))
-    assert result.config["photo"]["stature"] == [1.8]
+    assert result.config["photo"]["stature"] == [round(tall, 2)]
     length = "the length from (10, 100) to (150, 100)"
     assert set(given_and_result(result)) == {"the stature of person 0", "the camera height", length}
     wrong = CliRunner().invoke(main, ["run", str(photo), "--known-length", "1,2,3"])

@@ -46,14 +46,6 @@ def bench() -> None:
     "--noise-seed", metavar="K", type=click.IntRange(0), default=0, show_default=True, help="Draws the errors."
 )
 @click.option(
-    "--noise-version",
-    metavar="V",
-    type=click.IntRange(3, 4),
-    default=4,
-    show_default=True,
-    help="Errors as large as those of the embedded estimators on real photos (4), or as in the paper (3).",
-)
-@click.option(
     "--other-bodies/--model-bodies",
     default=True,
     show_default=True,
@@ -99,7 +91,6 @@ class _AccuracyOptions:
     preset: str
     size: tuple[int, int]
     noise_seed: int
-    noise_version: int
     other_bodies: bool
     actions: str
     rows: str
@@ -140,7 +131,7 @@ def _measure_accuracy(options: _AccuracyOptions) -> None:
     work = BenchmarkJob(noisy, chosen, None if options.no_cache else (options.cache or cache_folder("bench")))
     cases = benchmark_cases(options.worlds, options.seed, options.size, options.actions)
     cases = with_other_bodies(cases) if options.other_bodies else cases
-    drawn = ("worlds", "seed", "preset", "size", "noise_seed", "noise_version", "other_bodies", "actions")
+    drawn = ("worlds", "seed", "preset", "size", "noise_seed", "other_bodies", "actions")
     settings = {name: getattr(options, name) for name in drawn}
     settings |= {"set": list(options.overrides), "config": noisy.as_dict()}
     _run(cases, work, options.jobs, options.out, settings)
@@ -158,7 +149,7 @@ def _split(overrides: tuple[str, ...]) -> tuple[list[str], list[str]]:
 def _configs(options: _AccuracyOptions, trial: list[str], others: list[str]) -> tuple[Config, Config]:
     """Return the trial's config, and the config of the estimators, which all rows share.
 
-    Backends of other plugins have a noise seed, and no version of the noise.
+    Backends of other plugins have a noise seed, and errors of their own.
     """
     from physic_core.configuration.model import load_config
     from physic_core.interfaces import INTERFACES
@@ -168,15 +159,15 @@ def _configs(options: _AccuracyOptions, trial: list[str], others: list[str]) -> 
     for name in INTERFACES:
         noise[name] = {"options": {"noise_seed": options.noise_seed}}
         if chosen.choice(name).backend == usual.choice(name).backend:
-            noise[name]["options"]["version"] = options.noise_version
+            noise[name]["options"]["noise"] = 1
     engine = {"engine": {"preset": options.preset}}
     return (
         load_config(
             preset="mock",
             overrides=[*others, *trial],
-            flags={"--noise-seed, --noise-version": noise, "--preset": engine},
+            flags={"--noise-seed": noise, "--preset": engine},
         ),
-        load_config(preset="mock", overrides=others, flags={"--noise-seed, --noise-version": noise}),
+        load_config(preset="mock", overrides=others, flags={"--noise-seed": noise}),
     )
 
 

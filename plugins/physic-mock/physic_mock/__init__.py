@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from physic_core import BackendRecord, hookimpl
 
-__all__ = ["NOISE_VERSION", "NOISE_VERSIONS", "physic_backends"]
+__all__ = ["NOISE_VERSION", "physic_backends"]
 
-NOISE_VERSION = "3"
-"""Version of the error models and their defaults, unless the option ``version`` chooses another."""
-
-NOISE_VERSIONS = ("3", "4")
-"""Versions that the option ``version`` offers; do not compare results of different versions."""
+NOISE_VERSION = "4"
+"""Version of the error models; do not compare results of different versions."""
 
 _CLASSES = {
     "segmenter": "MockSegmenter",

@@ -1,10 +1,13 @@
-"""Mocks of depth estimators: true depth with scale error or ambiguity, and with shape errors."""
+"""Mocks of depth estimators: true depth with scale error or ambiguity, and with shape errors.
+
+One network stands behind both: they share an offset of inverse depth and a focal length, and people give the scale.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from pydantic import Field
@@ -20,88 +23,39 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Hints, Intrinsics, UInt8Array
     from physic_testing.worlds import World
 
-_LEAST_SIGMA = 1e-3  # of log scale: 0 is not a standard deviation
-_WARP_WAVES = 2.0  # across the longer side of the image
-_DISAGREEMENT_WAVES = 3.0
-_BUMP_WAVES = 16.0
-_HOLE_WAVES = 6.0
+# Standard deviations of logarithms, unless stated otherwise.
+_FOCAL_BIAS, _FOCAL_SIGMA = math.log(1.2), 0.07  # one draw a world
+_METRIC_SIGMA = 0.09  # of the metric depth, besides the error of the focal length or of the bodies' distances
+_UNIT_SIGMA, _PHOTO_UNIT_SIGMA = 0.3, 0.15  # of the point map's unit, in both images and in the photo with people alone
+_PERSON_BIAS, _PERSON_SIGMA = 0.1, 0.08  # of a person's depth; above 0 is too far
+_RELIEF_LOST = 0.3  # share of people's relief about their own median depth
+_SMEAR_PX = 2.0  # width of the blur of depth edges, of a photo 640 px wide
+_HOLE_SIGMA, _HOLE_WAVES = 0.03, 6.0  # where an inpainter made the picture up; waves across the longer side
+_BUMP_SIGMA, _BUMP_WAVES = 0.007, 16.0
+_WARP_SIGMA, _WARP_WAVES = 0.012, 2.0
+_DISAGREEMENT_SIGMA, _DISAGREEMENT_WAVES = 0.014, 3.0  # of its own in each of the two images
+_OFFSET_SHARE, _OFFSET_SIGMA = 0.6, 0.4  # of the inverse depth of the farthest surfaces: mean and standard deviation
 _FAR = 0.95  # quantile of the depth of what counts as farthest
 _MOST_OFFSET = 0.95  # of the inverse depth there
-_MOST_SHIFT = 0.5  # of the nearest depth, so that all of it stays in front of the camera
 
 
-_SHAPE_4: dict[str, Any] = {
-    "focal_error": 1.2,
-    "one_camera": True,
-    "hole_depth": "surroundings",
-    "offset_share": 0.6,
-    "offset_sigma": 0.4,
-}
-"""Defaults of version 4 of both depth mocks: one network stands behind both."""
-
-
-class DepthOptions(MockOptions):
-    """Options of both depth mocks."""
-
-    warp: float = Field(0.025, ge=0, le=0.5, description="Standard deviation of a low-frequency error of log depth.")
-    smear_px: float = Field(
-        2.0, ge=0, le=20, description="Width of the blur of depth edges, px of a photo 640 px wide."
-    )
-    knows_camera: bool = Field(True, description="Whether the intrinsics are returned.")
-    focal_error: float = Field(1.0, ge=1e-6, le=1e3, description="Factor on the focal length besides the drawn one.")
-    focal_sigma: interfaces.Share = Field(
-        0.07, description="Standard deviation of the logarithm of the focal length, drawn once a world."
-    )
-
-    one_camera: bool = Field(
-        False, description="Whether both depth mocks draw one focal length, and take the one that they are given."
-    )
-    hole_depth: Literal["truth", "surroundings"] = Field(
-        "truth",
-        description="Depth where an inpainter made the picture up: the true one, or interpolated from around.",
-    )
-    offset_share: float | None = Field(
-        None,
-        ge=-1,
-        lt=1,
-        description="Mean of the unknown offset of inverse depth, as a share of the inverse depth of the farthest "
-        "surfaces: above 0, what is far comes out too far. The relative point map leaves it open, the metric depth has "
-        "it as an error that is 0 in the middle of the floor. None: the metric depth has none.",
-    )
-    offset_sigma: float = Field(
-        0.0,
-        ge=0,
-        le=2,
-        description="Standard deviation of that share, which is drawn once a world and is at most 0.95.",
-    )
-
-
-class MetricDepthOptions(DepthOptions):
+class MetricDepthOptions(MockOptions):
     """Options of :class:`MockMetricDepth`."""
 
-    VERSION_4: ClassVar = {**_SHAPE_4, "scale_sigma": 0.09, "as_pointmap": True, "scale_by_bodies": True}
-
-    as_pointmap: bool = Field(
-        False, description="Whether the shape is the one of version 4's relative point map, with all of its errors."
-    )
-    scale_by_bodies: bool = Field(
-        False, description="Whether the mean error of the given bodies' distances is an error of the scale, too."
-    )
-
     scale: float = Field(1.0, ge=1e-6, le=1e6, description="Factor on the true depth besides the drawn one.")
-    scale_sigma: interfaces.Share = Field(
-        0.08, description="Standard deviation of the logarithm of that factor, drawn once a world."
+    stated_sigma: float = Field(
+        math.hypot(_METRIC_SIGMA, _FOCAL_SIGMA),
+        ge=0,
+        le=10,
+        description="Returned standard deviation of log scale, whatever the noise; by default the true one at noise 1.",
     )
-    stated_sigma: float | None = Field(
-        None, ge=0, le=10, description="Returned standard deviation of log scale; None: the true one of the draws."
-    )
-    warp: float = Field(0.035, ge=0, le=0.5, description="Standard deviation of a low-frequency error of log depth.")
 
 
 class MockMetricDepth(interfaces.MetricDepth):
     """Metric depth estimator that returns a world's depth with a scale error.
 
-    A focal length error scales the depth by the same factor, as in networks that infer depth from sizes in px.
+    The error of the distances of given bodies is an error of the scale, too. Without bodies a focal length error scales
+    the depth by the same factor, as in networks that infer depth from sizes in px.
     """
 
     Options = MetricDepthOptions
@@ -115,48 +69,30 @@ class MockMetricDepth(interfaces.MetricDepth):
         """
         options, noise = self.options, self.options.noise
         found = recognise_world(image, hints.hole)
-        world, seed = found.world, options.noise_seed
-        camera = _camera(world, options, "metric depth", hints)
-        drawn = math.exp(noise * options.scale_sigma * seeded_rng(world, seed, "metric scale").normal())
-        if options.as_pointmap:
-            shape = RelativePointmapOptions(version=4, noise=noise, noise_seed=seed, hole_depth=options.hole_depth)
-            depth = _noisy_depth(found, hints, shape)
+        world = found.world
+        camera = hints.intrinsics or _camera(world, options)
+        drawn = math.exp(noise * _METRIC_SIGMA * seeded_rng(world, options.noise_seed, "metric scale").normal())
+        depth = _noisy_depth(found, hints, options)
+        depth = _bent(depth, _drawn_offset(found, depth, options), world.empty_floor_mask)
+        if hints.bodies is not None and hints.people is not None:
+            sized = _distance_error(found, hints)
         else:
-            smear_px = noise * scale_to_image(options.smear_px, found.people.shape)
-            depth = blur_depth_edges(_visible_depth(found, hints, options), smear_px)
-            depth = add_smooth_noise(depth, noise * options.warp, _WARP_WAVES, seeded_rng(world, seed, "metric depth"))
-        if options.offset_share is not None:
-            depth = _bent(depth, _drawn_offset(found, depth, options), world.empty_floor_mask)
-        if options.scale_by_bodies and hints.bodies is not None and hints.people is not None:
-            depth = depth * options.scale * drawn * _distance_error(found, hints)
-        else:
-            depth = depth * options.scale * drawn * camera.fx / world.intrinsics.fx
-        own_sigma = noise * math.hypot(options.scale_sigma, options.focal_sigma)
+            sized = camera.fx / world.intrinsics.fx
+        depth = depth * options.scale * drawn * sized**noise
         stated = "" if options.scale == 1 else f" times {options.scale:g}"
         return DepthMap(
             depth=np.where(np.isfinite(depth), depth, np.nan).astype(np.float32),
-            intrinsics=camera if options.knows_camera else None,
-            scale_sigma=max(own_sigma, _LEAST_SIGMA) if options.stated_sigma is None else options.stated_sigma,
-            notes=(f"mock: true depth{stated} with errors of noise model {options.version} times {noise:g}",),
+            intrinsics=camera,
+            scale_sigma=options.stated_sigma,
+            notes=(f"mock: true depth{stated}{options.noted}",),
         )
 
 
-class RelativePointmapOptions(DepthOptions):
+class RelativePointmapOptions(MockOptions):
     """Options of :class:`MockRelativePointmap`."""
 
-    VERSION_4: ClassVar = {
-        **_SHAPE_4,
-        "unknown": "inverse_scale_shift",
-        "warp": 0.012,
-        "bumps": 0.007,
-        "disagreement": 0.014,
-        "hole_noise": 0.03,
-        "person_offset": 0.08,
-        "person_bias": 0.1,
-    }
-
     unknown: Literal["scale", "scale_shift", "inverse_scale_shift"] = Field(
-        "scale_shift", description="Ambiguity of the returned point map."
+        "inverse_scale_shift", description="Ambiguity of the returned point map."
     )
     scale: float = Field(
         1.0,
@@ -164,42 +100,12 @@ class RelativePointmapOptions(DepthOptions):
         le=1e6,
         description="The unknown scale besides the drawn one: Z = s Z', Z = s Z' + t or 1 / Z = s / Z' + t.",
     )
-    scale_sigma: float = Field(0.3, ge=0, le=2, description="Standard deviation of the logarithm of that scale.")
     shift: float | None = Field(
         None,
         ge=-1e6,
         le=1e6,
-        description="The unknown shift t, metres or 1 / metres; None draws it. Unused where there is none.",
-    )
-    shift_sigma: interfaces.Share = Field(
-        0.08, description="Standard deviation of the drawn shift, as a share of the median (inverse) depth."
-    )
-    photo_scale_sigma: float = Field(
-        0.15, ge=0, le=2, description="How far the photo with its people has another scale: standard deviation of log."
-    )
-    photo_shift_sigma: interfaces.Share = Field(
-        0.03, description="How far it has another drawn shift, as a share of the median (inverse) depth."
-    )
-    disagreement: float = Field(
-        0.025, ge=0, le=0.5, description="A further smooth error of log depth, of its own in each of the two images."
-    )
-    hole_noise: float = Field(
-        0.05, ge=0, le=0.5, description="A further error of log depth where an inpainter made the picture up."
-    )
-    bumps: float = Field(
-        0.01, ge=0, le=0.5, description="Standard deviation of bumps of log depth, a sixteenth of the picture wide."
-    )
-    relief_lost: interfaces.Share = Field(
-        0.3, description="Share of people's relief about their own median depth that is flatten_relief."
-    )
-    person_offset: float = Field(
-        0.05, ge=0, le=0.5, description="Standard deviation of log depth by which a person is shifted."
-    )
-    person_bias: float = Field(
-        -0.03,
-        ge=-0.5,
-        le=0.5,
-        description="Mean of that error: below 0, people come out nearer than what they stand or sit on.",
+        description="The unknown shift t, metres or 1 / metres. None draws it for inverse_scale_shift, and is 0 for "
+        "scale_shift. Unused where there is none.",
     )
 
 
@@ -221,7 +127,7 @@ class MockRelativePointmap(interfaces.RelativePointmap):
         found = recognise_world(image, hints.hole)
         depth = _noisy_depth(found, hints, options)
         scale, shift = _scale_and_shift(found, depth, options)
-        camera = hints.intrinsics or _camera(found.world, options, "point map", hints)
+        camera = hints.intrinsics or _camera(found.world, options)
         points = _rays(camera) * depth[..., None]
         if options.unknown == "inverse_scale_shift":
             relative = points / depth[..., None] * (scale / (1 / depth - shift))[..., None]
@@ -232,31 +138,27 @@ class MockRelativePointmap(interfaces.RelativePointmap):
             points=np.where(valid[..., None], relative, np.nan).astype(np.float32),
             valid=valid,
             unknown=options.unknown,
-            intrinsics=camera if hints.intrinsics or options.knows_camera else None,
-            notes=(
-                f"mock: true points in an unknown unit with errors of noise model {options.version} "
-                f"times {options.noise:g}",
-            ),
+            intrinsics=camera,
+            notes=(f"mock: true points in an unknown unit{options.noted}",),
         )
 
 
-def _noisy_depth(found: RecognisedWorld, hints: Hints, options: RelativePointmapOptions) -> FloatArray:
+def _noisy_depth(found: RecognisedWorld, hints: Hints, options: MockOptions) -> FloatArray:
     """Return the depth map (H, W) with all shape errors, m; NaN in the sky."""
     world, seed, noise = found.world, options.noise_seed, options.noise
-    which = _image_kind(found)
     depth = _visible_depth(found, hints, options)
     for i, mask in enumerate(world.masks):
-        drawn = options.person_bias + options.person_offset * seeded_rng(world, seed, f"depth of person {i}").normal()
-        depth = flatten_relief(depth, mask & found.people, min(1.0, noise * options.relief_lost), noise * drawn)
+        drawn = _PERSON_BIAS + _PERSON_SIGMA * seeded_rng(world, seed, f"depth of person {i}").normal()
+        depth = flatten_relief(depth, mask & found.people, min(1.0, noise * _RELIEF_LOST), noise * drawn)
         # What somebody holds is as far away as they are, also to a network.
         held = [item for k, item in enumerate(found.items) if found.present[i] and (world.touched_item[i] == k).any()]
         depth = np.where(np.any(held, axis=0), depth * np.exp(noise * drawn), depth) if held else depth
-    depth = blur_depth_edges(depth, noise * scale_to_image(options.smear_px, depth.shape))
-    depth = add_hole_noise(depth, hints.hole, noise * options.hole_noise, _HOLE_WAVES, seeded_rng(world, seed, "hole"))
+    depth = blur_depth_edges(depth, noise * scale_to_image(_SMEAR_PX, depth.shape))
+    depth = add_hole_noise(depth, hints.hole, noise * _HOLE_SIGMA, _HOLE_WAVES, seeded_rng(world, seed, "hole"))
     for sigma, waves, purpose in (
-        (options.bumps, _BUMP_WAVES, "bumps"),
-        (options.warp, _WARP_WAVES, "point map"),
-        (options.disagreement, _DISAGREEMENT_WAVES, f"point map of the {which}"),
+        (_BUMP_SIGMA, _BUMP_WAVES, "bumps"),
+        (_WARP_SIGMA, _WARP_WAVES, "point map"),
+        (_DISAGREEMENT_SIGMA, _DISAGREEMENT_WAVES, f"point map of the {_image_kind(found)}"),
     ):
         depth = add_smooth_noise(depth, noise * sigma, waves, seeded_rng(world, seed, purpose))
     return np.where(np.isfinite(depth), depth, np.nan)
@@ -266,21 +168,15 @@ def _scale_and_shift(
     found: RecognisedWorld, depth: FloatArray, options: RelativePointmapOptions
 ) -> tuple[float, float]:
     """Draw the scale and shift of an image's point map; a drawn shift keeps all points in front."""
-    common = seeded_rng(found.world, options.noise_seed, "unit of both").normal(size=2)
-    own = seeded_rng(found.world, options.noise_seed, "unit of the photo").normal(size=2)
-    own = own if _image_kind(found) == "photo" else np.zeros(2)
-    log_scale = options.scale_sigma * common[0] + options.photo_scale_sigma * own[0]
-    scale = options.scale * math.exp(options.noise * log_scale)
+    common = seeded_rng(found.world, options.noise_seed, "unit of both").normal()
+    own = seeded_rng(found.world, options.noise_seed, "unit of the photo").normal()
+    own = own if _image_kind(found) == "photo" else 0.0
+    scale = options.scale * math.exp(options.noise * (_UNIT_SIGMA * common + _PHOTO_UNIT_SIGMA * own))
     if options.unknown == "scale":
         return scale, 0.0
     if options.shift is not None:
         return scale, options.shift
-    if options.offset_share is not None and options.unknown == "inverse_scale_shift":
-        return scale, _drawn_offset(found, depth, options)
-    known = depth[np.isfinite(depth)]
-    known = 1 / known if options.unknown == "inverse_scale_shift" else known
-    shift = options.noise * (options.shift_sigma * common[1] + options.photo_shift_sigma * own[1]) * np.median(known)
-    return scale, float(min(shift, _MOST_SHIFT * known.min()))
+    return scale, _drawn_offset(found, depth, options) if options.unknown == "inverse_scale_shift" else 0.0
 
 
 def _image_kind(found: RecognisedWorld) -> str:
@@ -288,11 +184,14 @@ def _image_kind(found: RecognisedWorld) -> str:
     return "photo" if found.present.any() else "empty"
 
 
-def _visible_depth(found: RecognisedWorld, hints: Hints, options: DepthOptions) -> FloatArray:
-    """Return the depth map of an image from which some people may be removed."""
+def _visible_depth(found: RecognisedWorld, hints: Hints, options: MockOptions) -> FloatArray:
+    """Return the depth map of an image from which some people may be removed.
+
+    With noise, the depth of a hole is interpolated from around: hidden furniture is not known.
+    """
     shown = found.people | found.items.any(axis=0)
     depth = np.where(shown, found.world.depth, found.world.empty_depth).astype(np.float64)
-    if options.hole_depth == "truth" or options.noise == 0 or hints.hole is None:
+    if options.noise == 0 or hints.hole is None:
         return depth
     # Inverse depth, which is linear on a plane, and zero in the sky.
     hole = hints.hole & ~shown
@@ -301,16 +200,21 @@ def _visible_depth(found: RecognisedWorld, hints: Hints, options: DepthOptions) 
         return np.where(hole, 1 / inverse, depth)
 
 
-def _drawn_offset(found: RecognisedWorld, depth: FloatArray, options: DepthOptions) -> float:
-    """Return the offset of inverse depth, 1 / metres: a share of the inverse depth of the farthest surfaces."""
-    assert options.offset_share is not None
+def _drawn_offset(found: RecognisedWorld, depth: FloatArray, options: MockOptions) -> float:
+    """Return the offset of inverse depth, 1 / metres: a share of the inverse depth of the farthest surfaces.
+
+    Above 0, what is far comes out too far. The relative point map leaves the offset open; the metric depth has it as an
+    error that is 0 in the middle of the floor.
+    """
     draw = seeded_rng(found.world, options.noise_seed, "offset of inverse depth").normal()
-    share = min(options.noise * (options.offset_share + options.offset_sigma * draw), _MOST_OFFSET)
+    share = min(options.noise * (_OFFSET_SHARE + _OFFSET_SIGMA * draw), _MOST_OFFSET)
     return share / float(np.quantile(depth[np.isfinite(depth)], _FAR))
 
 
 def _bent(depth: FloatArray, offset: float, floor: BoolArray) -> FloatArray:
     """Return the depth map after an offset of inverse depth, unchanged at the median depth of the floor."""
+    if offset == 0:
+        return depth
     known = np.isfinite(depth)
     middle = float(np.median(depth[known & floor] if (known & floor).any() else depth[known]))
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -331,14 +235,10 @@ def _distance_error(found: RecognisedWorld, hints: Hints) -> float:
     return float(np.exp(np.mean(np.log(np.maximum(own, 0.1 * true) / true))))
 
 
-def _camera(world: World, options: DepthOptions, purpose: str, hints: Hints) -> Intrinsics:
+def _camera(world: World, options: MockOptions) -> Intrinsics:
     """Return the camera with a focal length error."""
-    if options.one_camera:
-        if hints.intrinsics is not None:
-            return hints.intrinsics
-        purpose = "both depths"
-    draw = seeded_rng(world, options.noise_seed, f"focal length of the {purpose}").normal()
-    factor = options.focal_error * math.exp(options.noise * options.focal_sigma * draw)
+    draw = seeded_rng(world, options.noise_seed, "focal length of the both depths").normal()
+    factor = math.exp(options.noise * (_FOCAL_BIAS + _FOCAL_SIGMA * draw))
     true = world.intrinsics
     return replace(true, fx=true.fx * factor, fy=true.fy * factor, source="mock")
 

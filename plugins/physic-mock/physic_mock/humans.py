@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import Field
@@ -38,91 +38,39 @@ _FLIPPABLE = {
 """Joint at the start of a limb segment -> joint at its end."""
 
 
+# Standard deviations, unless stated otherwise.
+_LEAN_DEG, _PLANE_DEG = 10.0, 6.0  # of bones about each axis across the line of sight, and about it
+_LIMB_SHARE = 0.5  # of the variance of both, in common for all bones of an arm, a leg or the trunk
+_TRUNK_FACTOR, _HIDDEN_FACTOR = 0.5, 2.0  # on both, of trunk, neck and head, and of bones whose end is hidden
+_ROOT_DEG, _ROOT_LEAN_FACTOR = 6.0, 2.2  # of the trunk between limbs that stay; factor across the line of sight
+_PERSON_SIGMA = 0.3  # of the logarithm of a person's factor on all of these rotations
+_FLIPPED, _FLIPPED_FOREARMS = 0.06, 0.15  # shares of segments that point towards the camera, not away
+_SHAPE_SIGMA = 0.4  # of each shape component; those that change the stature less
+_STATURE_SIGMA = 0.045  # of the logarithm of stature over the true one
+_DEPTH_SHARE = 0.5  # of the variance of log distance, common to all people of a photo
+_LATERAL_M = 0.03  # across the line of sight
+_OBSERVED_ERRORS = 0.03  # share of joints whose reported visibility is wrong
+_FINGER_DEG, _MISSED_HANDS = 10.0, 0.1  # of finger joints about each axis; share of the hands in sight
+
+
 class BodyOptions(MockOptions):
     """Options of :class:`MockBodyEstimator`."""
 
-    VERSION_4: ClassVar = {
-        "pose_noise_deg": 10.0,
-        "plane_noise_deg": 6.0,
-        "orient_noise_deg": 6.0,
-        "lean_factor": 2.2,
-        "turns_limbs": False,
-        "person_spread": 0.3,
-        "flipped": 0.06,
-        "flipped_forearms": 0.15,
-        "stature_noise": 0.045,
-        "stature_bias": -0.06,
-        "depth_noise": 0.05,
-        "size_gives_depth": True,
-        "children_as_adults": True,
-    }
-
-    pose_noise_deg: float = Field(
-        8.2,
-        ge=0,
-        le=60,
-        description="How far bones lean towards or away from the camera: standard deviation about each of the two axes "
-        "across the line of sight, degrees.",
-    )
-    plane_noise_deg: float = Field(
-        3.5, ge=0, le=60, description="Standard deviation of bones' turns in the plane of the picture, degrees."
-    )
-    limb_share: interfaces.Share = Field(
-        0.5, description="Share of the variance of both that all bones of an arm, a leg or the trunk share."
-    )
-    trunk_factor: float = Field(0.5, ge=0, le=5, description="Factor on these errors of trunk, neck and head.")
-    hidden_factor: float = Field(2.0, ge=0, le=5, description="Factor on these errors of bones whose end is hidden.")
-    orient_noise_deg: float = Field(
-        7.0, ge=0, le=90, description="Standard deviation of the root rotation about each axis, degrees."
-    )
-    lean_factor: float = Field(
-        1.0, ge=0, le=5, description="Factor on that rotation about the two axes across the line of sight."
-    )
-    turns_limbs: bool = Field(
-        True, description="Whether that rotation turns arms and legs, too, or the trunk between them alone."
-    )
-    person_spread: float = Field(
-        0.0,
-        ge=0,
-        le=2,
-        description="How unlike people fare: standard deviation of the logarithm of a person's factor on all of these "
-        "rotations.",
-    )
-    flipped: interfaces.Share = Field(
-        0.0, description="Share of upper arms, thighs and shanks that point towards the camera, not away."
-    )
-    flipped_forearms: interfaces.Share = Field(0.0, description="The same share of forearms.")
-    shape_noise: float = Field(
-        0.4, ge=0, le=3, description="Standard deviation of each shape component; those that change the stature less."
-    )
-    stature_noise: float = Field(0.04, ge=0, le=0.5, description="Standard deviation of the logarithm of stature.")
-    stature_bias: float = Field(0.0, ge=-0.5, le=0.5, description="Mean of the logarithm of stature over the true one.")
-    size_gives_depth: bool = Field(
-        False,
-        description="Whether distance follows from the size in the photo: the errors of stature and of focal length "
-        "are errors of distance, too.",
-    )
-    children_as_adults: bool = Field(
-        False,
-        description="Whether children come out as adults who are farther away: with the mean adult's shape, and as "
-        "large in the photo.",
+    stature_bias: float = Field(
+        -0.06, ge=-0.5, le=0.5, description="Mean of the logarithm of stature over the true one, times the noise."
     )
     depth_noise: interfaces.Share = Field(
-        0.34, description="Standard deviation of the logarithm of distance: people come out too near or too far."
+        0.05,
+        description="Standard deviation of the logarithm of distance, besides the error of stature, times the noise.",
     )
-    depth_share: interfaces.Share = Field(
-        0.5, description="Share of the variance of log distance that all people of a photo share."
-    )
-    lateral_noise_m: float = Field(
-        0.03, ge=0, le=2, description="Standard deviation of the place across the line of sight, metres."
-    )
-    observed_errors: interfaces.Share = Field(0.03, description="Share of joints whose reported visibility is wrong.")
 
 
 class MockBodyEstimator(interfaces.BodyEstimator):
     """Body estimator that returns a world's bodies with errors typical of estimators.
 
-    Hands are flat; the hand estimator returns their pose.
+    Hands are flat; the hand estimator returns their pose. With noise, distance follows from the size in the photo: the
+    errors of stature and of focal length are errors of distance, too, and children come out as adults who are farther
+    away.
     """
 
     Options = BodyOptions
@@ -148,7 +96,7 @@ class MockBodyEstimator(interfaces.BodyEstimator):
                 for i in range(count)
             ]
         )
-        flips = bernoulli(options.observed_errors, options.noise, rng.random(world.joints_visible.shape))
+        flips = bernoulli(_OBSERVED_ERRORS, options.noise, rng.random(world.joints_visible.shape))
         parameters = BodyParameters(
             global_orient=posed[:, 0],
             body_pose=posed[:, 1:].reshape(count, -1),
@@ -157,7 +105,7 @@ class MockBodyEstimator(interfaces.BodyEstimator):
             jaw_pose=truth.jaw_pose.copy(),
             leye_pose=truth.leye_pose.copy(),
             reye_pose=truth.reye_pose.copy(),
-            betas=_noisy_betas(world, options, rng, _stature_draws(world, options)),
+            betas=_noisy_betas(world, options, rng),
             expression=truth.expression.copy(),
             transl=placed,
         )
@@ -165,30 +113,25 @@ class MockBodyEstimator(interfaces.BodyEstimator):
         return Bodies(parameters=picked, body_model=world.body_model, observed=(world.joints_visible ^ flips)[rows])
 
 
-def _stature_draws(world: World, options: BodyOptions) -> FloatArray | None:
-    """Return a normal draw (N,) of each person's stature if it decides the distance, too; else None."""
-    if not options.size_gives_depth:
-        return None
-    draws: FloatArray = seeded_rng(world, options.noise_seed, "statures", all_views=True).normal(
-        size=len(world.vertices)
-    )
-    return draws
+def _log_statures(world: World, options: BodyOptions) -> FloatArray:
+    """Return the error (N,) of the logarithm of each person's stature, which decides the distance, too."""
+    rng = seeded_rng(world, options.noise_seed, "statures", all_views=True)
+    errors: FloatArray = options.noise * (options.stature_bias + _STATURE_SIGMA * rng.normal(size=len(world.vertices)))
+    return errors
 
 
 def _noisy_translations(world: World, options: BodyOptions, rng: np.random.Generator, camera: Intrinsics) -> FloatArray:
     """Return translations (N, 3) float32 with log-normal errors along the line of sight, normal across it."""
     pelvis = world.joints[:, 0].astype(np.float64)
     common, own = rng.normal(), rng.normal(size=len(pelvis))
-    along = np.sqrt(options.depth_share) * common + np.sqrt(1 - options.depth_share) * own
+    along = np.sqrt(_DEPTH_SHARE) * common + np.sqrt(1 - _DEPTH_SHARE) * own
     across = rng.normal(size=(len(pelvis), 2))
-    moved = pelvis * np.exp(options.noise * options.depth_noise * along)[:, None]
-    statures = _stature_draws(world, options)
-    if statures is not None:
-        moved *= np.exp(options.noise * (options.stature_bias + options.stature_noise * statures))[:, None]
+    moved = pelvis * np.exp(options.noise * options.depth_noise * along + _log_statures(world, options))[:, None]
+    if options.noise:
         moved *= [1.0, 1.0, camera.fx / world.intrinsics.fx]  # the same pixel of the other camera
     moved *= _seen_shapes(world, options)[1][:, None]
     for i, point in enumerate(pelvis):
-        moved[i] += options.noise * options.lateral_noise_m * across[i] @ line_of_sight_axes(point)[:2]
+        moved[i] += options.noise * _LATERAL_M * across[i] @ line_of_sight_axes(point)[:2]
     placed: FloatArray = (world.parameters.transl + moved - pelvis).astype(np.float32)
     return placed
 
@@ -201,57 +144,49 @@ def _noisy_pose(world: World, person: int, options: BodyOptions, rng: np.random.
     local = np.concatenate([truth.global_orient[person], truth.body_pose[person]]).reshape(BONES, 3).astype(np.float64)
     sight = line_of_sight_axes(world.joints[person, 0].astype(np.float64))
     own = seeded_rng(world, options.noise_seed, f"how the pose of person {person} fares")
-    fares = np.exp(options.person_spread * own.normal())
-    root_error = fares * np.radians(options.noise * options.orient_noise_deg) * rng.normal(size=3)
-    if options.lean_factor != 1:
-        root_error = sight.T @ (sight @ root_error * [options.lean_factor, options.lean_factor, 1.0])
+    fares = np.exp(_PERSON_SIGMA * own.normal())
+    root_error = fares * np.radians(options.noise * _ROOT_DEG) * rng.normal(size=3)
+    root_error = sight.T @ (sight @ root_error * [_ROOT_LEAN_FACTOR, _ROOT_LEAN_FACTOR, 1.0])
     errors = draw_bone_errors(
         sight,
         hidden_bones(world.joints_visible[person]),
-        fares * options.noise * options.pose_noise_deg,
-        fares * options.noise * options.plane_noise_deg,
-        options.limb_share,
-        options.hidden_factor,
-        options.trunk_factor,
+        fares * options.noise * _LEAN_DEG,
+        fares * options.noise * _PLANE_DEG,
+        _LIMB_SHARE,
+        _HIDDEN_FACTOR,
+        _TRUNK_FACTOR,
         rng,
     )
     turn = Rotation.from_rotvec(root_error)
     seen = [
-        (turn if options.turns_limbs or limb == "trunk" else Rotation.identity()) * Rotation.from_rotvec(e) * g
+        (turn if limb == "trunk" else Rotation.identity()) * Rotation.from_rotvec(e) * g
         for e, g, limb in zip(errors, camera_rotations(local), LIMBS, strict=True)
     ]
     for joint, child in _FLIPPABLE.items():
-        share = options.flipped_forearms if "elbow" in joint else options.flipped
+        share = _FLIPPED_FOREARMS if "elbow" in joint else _FLIPPED
         if bernoulli(share, options.noise, own.random(1))[0]:
             j = JOINT_INDEX[joint]
             bone = (world.joints[person, JOINT_INDEX[child]] - world.joints[person, j]).astype(np.float64)
-            bone = turn.apply(bone) if options.turns_limbs else bone
             seen[j] = depth_flip(bone, sight[2]) * seen[j]
     return local_rotations(seen).astype(np.float32)
 
 
-def _noisy_betas(
-    world: World, options: BodyOptions, rng: np.random.Generator, statures: FloatArray | None
-) -> FloatArray:
-    """Return betas (N, K) float32 with errors: ``stature_noise`` along stature, ``shape_noise`` across it.
-
-    ``statures`` (N,) are normal draws of stature, or None for new ones.
-    """
+def _noisy_betas(world: World, options: BodyOptions, rng: np.random.Generator) -> FloatArray:
+    """Return betas (N, K) float32 with errors along stature, which are also those of distance, and across it."""
     betas, _ = _seen_shapes(world, options)
     growth = _log_stature_gradient(world.body_model)
     direction = growth / np.linalg.norm(growth)
-    drawn, others = rng.normal(size=(len(betas), 1)), rng.normal(size=betas.shape)
-    stature: FloatArray = drawn if statures is None else statures[:, None]
+    others = rng.normal(size=betas.shape)
     others -= (others @ direction)[:, None] * direction
-    errors = options.stature_noise / np.linalg.norm(growth) * stature * direction + options.shape_noise * others
-    errors += options.stature_bias / np.linalg.norm(growth) * direction
-    return (betas + options.noise * errors).astype(np.float32)
+    taller = _log_statures(world, options)[:, None] / np.linalg.norm(growth) * direction
+    shapes: FloatArray = (betas + taller + options.noise * _SHAPE_SIGMA * others).astype(np.float32)
+    return shapes
 
 
 def _seen_shapes(world: World, options: BodyOptions) -> tuple[FloatArray, FloatArray]:
     """Return betas (N, K), a mean adult's for children who come out as adults, and (N,) how much taller these are."""
     betas, taller = world.parameters.betas.astype(np.float64), np.ones(len(world.ages))
-    children = np.isfinite(world.ages) & options.children_as_adults & (options.noise > 0)
+    children = np.isfinite(world.ages) & (options.noise > 0)
     if children.any():
         import torch
 
@@ -279,20 +214,11 @@ def _log_stature_gradient(body_model: str) -> FloatArray:
     return np.round(growth, 9)  # products of matrices differ in their last bit between CPUs
 
 
-class HandOptions(MockOptions):
-    """Options of :class:`MockHandEstimator`."""
-
-    noise_deg: float = Field(
-        10.0, ge=0, le=90, description="Standard deviation about each axis of each finger joint, degrees."
-    )
-    missed: interfaces.Share = Field(0.1, description="Share of the hands in sight that are not found.")
-
-
 class MockHandEstimator(interfaces.HandEstimator):
     """Hand estimator that returns a world's finger rotations with noise, for hands with a visible wrist."""
 
-    Options = HandOptions
-    options: HandOptions
+    Options = MockOptions
+    options: MockOptions
 
     def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
         """Return the hands of people in a world's photo.
@@ -306,7 +232,7 @@ class MockHandEstimator(interfaces.HandEstimator):
         rng = seeded_rng(found.world, options.noise_seed, "hands")
         truth = found.world.parameters
         both = np.stack([truth.left_hand_pose, truth.right_hand_pose], axis=1).reshape(-1, 2, 15, 3)
-        rotvecs = add_rotation_noise(both, options.noise * options.noise_deg, rng)
+        rotvecs = add_rotation_noise(both, options.noise * _FINGER_DEG, rng)
         seen = found.world.joints_visible[:, list(_WRISTS)]
-        seen = seen & ~bernoulli(options.missed, options.noise, rng.random(seen.shape))
+        seen = seen & ~bernoulli(_MISSED_HANDS, options.noise, rng.random(seen.shape))
         return Hands(rotvecs=rotvecs[rows], confidence=np.where(seen, 0.9, 0.0)[rows])

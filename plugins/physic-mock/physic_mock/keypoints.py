@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from pydantic import Field
@@ -26,52 +26,20 @@ _ARM = (
 )
 
 
+_POINT_SIGMA, _HIDDEN_SIGMA = 0.016, 0.065  # along x and along y, as a share of the larger side of the person's box
+_LIMB_SHARE = 0.5  # of the variance, in common for all points of an arm, a leg or the rest
+_FREEDOM = 1.5  # degrees of Student's t distribution of the errors, with one scale for each arm, each leg and the rest
+_HIDDEN_CONFIDENCE = 0.3  # mean confidence of hidden points, give or take half of it; others have about .9
+_OVERCONFIDENT, _UNSURE = 0.5, 0.15  # shares of hidden points that look sure, and of points in sight that do not
+_NEIGHBOURS_LIMBS = 0.05  # share of the limbs of people whose boxes overlap that are found at the other person's
+_SWAPPED = 0.02  # share of people's pairs of arms, and of legs, whose left and right are swapped
+
+
 class KeypointOptions(MockOptions):
     """Options of :class:`MockKeypointDetector`."""
 
-    VERSION_4: ClassVar = {
-        "point_noise": 0.016,
-        "hidden_noise": 0.065,
-        "overconfident": 0.5,
-        "unsure": 0.15,
-        "limb_share": 0.5,
-        "tail_freedom": 1.5,
-        "neighbour_limbs": 0.05,
-    }
-
     skeleton: Literal["coco17", "coco23", "blazepose33", "coco_wholebody133", "halpe26"] = Field(
         "blazepose33", description="Joint set to answer."
-    )
-    point_noise: float = Field(
-        0.008,
-        ge=0,
-        le=0.2,
-        description="Standard deviation along x and along y, as a share of the larger side of the person's box.",
-    )
-    hidden_noise: float = Field(0.03, ge=0, le=0.5, description="The same for points that something hides.")
-    hidden_confidence: interfaces.Share = Field(
-        0.3, description="Mean confidence of hidden points, give or take half of it; others have about .9."
-    )
-    overconfident: interfaces.Share = Field(
-        0.1, description="Share of the hidden points that are as confident as the others."
-    )
-    unsure: interfaces.Share = Field(0.0, description="Share of the points in sight that are as unsure as hidden ones.")
-    limb_share: interfaces.Share = Field(
-        0.0, description="Share of the variance that all points of an arm, a leg or the rest have in common."
-    )
-    tail_freedom: float | None = Field(
-        None,
-        gt=1,
-        le=1e6,
-        description="Degrees of freedom of Student's t distribution of the errors, one draw of its scale for each arm, "
-        "each leg and the rest; None: normal.",
-    )
-    neighbour_limbs: interfaces.Share = Field(
-        0.0,
-        description="Share of the arms and legs of people whose boxes overlap that are found at the other person's.",
-    )
-    swapped: interfaces.Share = Field(
-        0.02, description="Share of people's pairs of arms, and of legs, whose left and right are swapped."
     )
 
 
@@ -94,16 +62,16 @@ class MockKeypointDetector(interfaces.KeypointDetector):
         skeleton = SKELETONS.get(options.skeleton) or skeleton_named(options.skeleton)
         truth, visible = world_keypoints(found.world, skeleton)
         size = (found.world.boxes[:, 2:] - found.world.boxes[:, :2]).max(axis=1)
-        sigma = options.noise * np.where(visible, options.point_noise, options.hidden_noise) * size[:, None]
+        sigma = options.noise * np.where(visible, _POINT_SIGMA, _HIDDEN_SIGMA) * size[:, None]
         errors = _limb_errors(rng.normal(size=truth.shape), found, skeleton.names, options)
         points = truth + sigma[..., None] * errors
         sure, unsure = rng.uniform(0.85, 0.98, visible.shape), rng.uniform(0.5, 1.5, visible.shape)
         unsure_rng = seeded_rng(found.world, options.noise_seed, "unsure keypoints")
-        missed = bernoulli(options.unsure, options.noise, unsure_rng.random(visible.shape))
-        bold = bernoulli(options.overconfident, options.noise, rng.random(visible.shape))
+        missed = bernoulli(_UNSURE, options.noise, unsure_rng.random(visible.shape))
+        bold = bernoulli(_OVERCONFIDENT, options.noise, rng.random(visible.shape))
         looks_sure = np.where(visible, ~missed, bold)
-        confidence = np.where(looks_sure, sure, np.minimum(unsure * options.hidden_confidence, 1.0))
-        for person, swaps in enumerate(bernoulli(options.swapped, options.noise, rng.random((len(truth), 2)))):
+        confidence = np.where(looks_sure, sure, np.minimum(unsure * _HIDDEN_CONFIDENCE, 1.0))
+        for person, swaps in enumerate(bernoulli(_SWAPPED, options.noise, rng.random((len(truth), 2)))):
             for limb, swap in zip((_ARM, _LEG), swaps, strict=True):
                 if swap:
                     order = _swap_sides_order(skeleton.names, limb)
@@ -120,14 +88,9 @@ def _limb_errors(
     limb = [limbs.index(_limb_of(name)) for name in names]
     rng = seeded_rng(found.world, options.noise_seed, "keypoints of limbs")
     common = rng.normal(size=(len(own), len(limbs), 2))[:, limb]
-    errors: FloatArray = own
-    if options.limb_share > 0:
-        errors = np.sqrt(options.limb_share) * common + np.sqrt(1 - options.limb_share) * own
-    if options.tail_freedom is not None:
-        freedom = options.tail_freedom
-        scale = np.sqrt(freedom / rng.chisquare(freedom, (len(own), len(limbs))))
-        errors = errors * scale[:, limb, None]
-    return errors
+    scale = np.sqrt(_FREEDOM / rng.chisquare(_FREEDOM, (len(own), len(limbs))))
+    errors: FloatArray = np.sqrt(_LIMB_SHARE) * common + np.sqrt(1 - _LIMB_SHARE) * own
+    return errors * scale[:, limb, None]
 
 
 def _with_neighbours_limbs(
@@ -137,7 +100,7 @@ def _with_neighbours_limbs(
     rng = seeded_rng(found.world, options.noise_seed, "limbs of neighbours")
     limbs = sorted({_limb_of(name) for name in names} - {"rest"})
     limb = np.array([_limb_of(name) for name in names])
-    taken = bernoulli(options.neighbour_limbs, options.noise, rng.random((len(points), len(limbs))))
+    taken = bernoulli(_NEIGHBOURS_LIMBS, options.noise, rng.random((len(points), len(limbs))))
     overlap = box_iou(found.world.boxes, found.world.boxes)
     np.fill_diagonal(overlap, 0)
     changed: FloatArray = points.copy()

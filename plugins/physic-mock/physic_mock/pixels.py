@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import Field
@@ -19,30 +19,19 @@ if TYPE_CHECKING:
     from physic_mock.recognition import RecognisedWorld
 
 
+_RAGGED_PX = 1.2  # how far the masks' borders stray, of a photo 640 px wide
+_MISSED_ENDS = 0.04  # share of hands and feet that the masks miss
+_STRAYS = 0.15  # share of people whose mask takes in a bit of what is beside them
+_MISSED_FLOORS = 0.22  # share of photos whose floor is not found
+_SPILLS = 1.5  # mean number of bits of other things in the floor's mask, and of missing bits of floor
+
+
 class SegmenterOptions(MockOptions):
     """Options of :class:`MockSegmenter`."""
 
-    VERSION_4: ClassVar = {"floor_missed": 0.22, "missed_people": 0.03}
-
-    raggedness_px: float = Field(
-        1.2, ge=0, le=20, description="How far the masks' borders stray, px of a photo 640 px wide."
-    )
-    missed_ends: interfaces.Share = Field(0.04, description="Share of hands and feet that the masks miss.")
-    strays: interfaces.Share = Field(
-        0.15, description="Share of people whose mask takes in a bit of what is beside them."
-    )
     missed_people: interfaces.Share = Field(
-        0.0, description="Share of people who are not found; the largest in the photo always is."
+        0.03, description="Share of people who are not found, times the noise; the largest in the photo always is."
     )
-    floor: bool = Field(True, description="Whether the floor is looked for; false answers None.")
-    floor_missed: interfaces.Share = Field(0.15, description="Share of photos whose floor is not found.")
-    floor_spills: float = Field(
-        1.5,
-        ge=0,
-        le=8,
-        description="Mean number of bits of other things in the floor's mask, and of missing bits of floor.",
-    )
-    objects: bool = Field(True, description="Whether small objects are segmented, without errors.")
     surfaces: bool = Field(
         False,
         description="Whether surfaces are labelled, without errors. The engine then also looks for feet in the air, "
@@ -76,7 +65,7 @@ class MockSegmenter(interfaces.Segmenter):
             boxes=np.array([_box(mask) for mask in masks]).reshape(-1, 4),
             scores=scores,
             floor=_floor(found, self.options),
-            objects=found.items & ~taken if self.options.objects else None,
+            objects=found.items & ~taken,
             surfaces=_surfaces(found) if self.options.surfaces else None,
         )
 
@@ -97,19 +86,19 @@ def _person(found: RecognisedWorld, person: int, options: SegmenterOptions) -> B
     world, noise = found.world, options.noise
     rng = seeded_rng(world, options.noise_seed, f"mask of person {person}")
     x0, y0, x1, y1 = world.boxes[person]
-    mask = roughen_border(world.masks[person], noise * scale_to_image(options.raggedness_px, found.people.shape), rng)
-    whole = remove_hands_and_feet(mask, world, person, options.missed_ends, noise, rng)
-    return add_stray_disc(whole, max(x1 - x0, y1 - y0), options.strays, noise, rng)
+    mask = roughen_border(world.masks[person], noise * scale_to_image(_RAGGED_PX, found.people.shape), rng)
+    whole = remove_hands_and_feet(mask, world, person, _MISSED_ENDS, noise, rng)
+    return add_stray_disc(whole, max(x1 - x0, y1 - y0), _STRAYS, noise, rng)
 
 
 def _floor(found: RecognisedWorld, options: SegmenterOptions) -> BoolArray | None:
-    """Return the floor mask with errors; None if it is missed or disabled."""
+    """Return the floor mask with errors; None if it is missed."""
     rng = seeded_rng(found.world, options.noise_seed, "floor mask")
-    if bernoulli(options.floor_missed, options.noise, rng.random(1))[0] or not options.floor:
+    if bernoulli(_MISSED_FLOORS, options.noise, rng.random(1))[0]:
         return None
     seen = found.world.empty_floor_mask & ~found.people
-    stray = options.noise * scale_to_image(options.raggedness_px, seen.shape)
-    return draw_floor_mask(seen, stray, options.floor_spills, options.noise, rng) & ~found.people
+    stray = options.noise * scale_to_image(_RAGGED_PX, seen.shape)
+    return draw_floor_mask(seen, stray, _SPILLS, options.noise, rng) & ~found.people
 
 
 def _surfaces(found: RecognisedWorld) -> SurfaceLabels:
@@ -118,25 +107,14 @@ def _surfaces(found: RecognisedWorld) -> SurfaceLabels:
     return SurfaceLabels(np.where(found.people, person, found.world.empty_surfaces).astype(np.uint8))
 
 
-class InpainterOptions(MockOptions):
-    """Options of :class:`MockInpainter`; ``noise`` 0 fills with the truth."""
-
-    VERSION_4: ClassVar = {"fill": "surroundings"}
-
-    fill: Literal["truth", "surroundings"] = Field(
-        "truth", description="What stands in the hole: the true image without people, or what is around the hole."
-    )
-
-
 class MockInpainter(interfaces.Inpainter):
-    """Inpainter that fills the mask with a world's image without people, or with what surrounds it.
+    """Inpainter that fills the mask with a world's image without people, or, with noise, from what surrounds it.
 
-    The other mocks read the world instead of the image. The options ``hole_depth``, ``hole_noise`` and ``disagreement``
-    of the point map represent inpainting errors.
+    The other mocks read the world instead of the image.
     """
 
-    Options = InpainterOptions
-    options: InpainterOptions
+    Options = MockOptions
+    options: MockOptions
 
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
         """Return the image with filled masked pixels; other pixels are unchanged.
@@ -146,7 +124,7 @@ class MockInpainter(interfaces.Inpainter):
         """
         filled: UInt8Array = image.copy()
         world = recognise_world(image).world
-        if self.options.fill == "surroundings" and self.options.noise > 0:
+        if self.options.noise > 0:
             around = fill_from_surroundings(image.astype(np.float64), mask)[mask]
             filled[mask] = np.rint(around).astype(np.uint8)
         else:

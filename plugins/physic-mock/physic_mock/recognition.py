@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from physic_core import interfaces
 from physic_core.errors import BackendError
+from physic_mock import NOISE_VERSION
 from physic_testing.worlds import World, build_world, is_world, labels
 
 if TYPE_CHECKING:
@@ -22,32 +22,21 @@ _SAME_PERSON_IOU = 0.3
 
 
 class MockOptions(interfaces.Options):
-    """Options of all mocks.
-
-    Attributes:
-        VERSION_4: defaults of version 4 that differ from those of version 3, which stand at the fields.
-    """
-
-    VERSION_4: ClassVar[Mapping[str, Any]] = {}
-
-    version: Literal[3, 4] = Field(
-        3,
-        description="Version of the defaults of all other options: 3 has errors as in the paper, 4 as large as those "
-        "of the embedded estimators on real photos.",
-    )
+    """Options of all mocks."""
 
     noise: float = Field(
-        1.0, ge=0, le=10, description="Factor on all errors of this backend; 0 is the truth, 2 twice the errors."
+        0.0,
+        ge=0,
+        le=10,
+        description="Factor on all errors of this backend: 0 is the truth, 1 has errors as large as those of the "
+        "embedded estimators on real photos (noise version 4), 2 twice the errors.",
     )
     noise_seed: int = Field(0, ge=0, le=2**32 - 1, description="Seed of this mock's own errors.")
 
-    @model_validator(mode="before")
-    @classmethod
-    def _defaults_of_version(cls, given: Any) -> Any:
-        """Fill in the defaults of the chosen version."""
-        if isinstance(given, Mapping) and given.get("version", 3) == 4:
-            return {**cls.VERSION_4, **given}
-        return given
+    @property
+    def noted(self) -> str:
+        """What a note says of the errors; empty without errors."""
+        return f" with errors of noise version {NOISE_VERSION} times {self.noise:g}" if self.noise else ""
 
 
 @dataclass(frozen=True)

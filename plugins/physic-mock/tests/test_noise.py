@@ -1,50 +1,73 @@
-"""The errors of the mocks are as large as they say, of the kind that they say, and grow with the one common factor."""
+"""The errors of the mocks have the sizes that README.md states, and grow with one common factor."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import torch
 
-from physic_core.body import JOINT_INDEX
-from physic_core.types import Hints, Keypoints, People
+from physic_core.adapters.detections import box_iou
+from physic_core.body import JOINT_INDEX, load_body
+from physic_core.types import Hints, People
 from physic_mock import NOISE_VERSION
-from physic_mock.backends import MockBodyEstimator, MockContactPrior, MockMetricDepth, MockRelativePointmap
-from physic_mock.body_noise import BONES, LIMBS, draw_bone_errors
-from physic_mock.contact import ContactOptions
+from physic_mock.backends import (
+    MockBodyEstimator,
+    MockContactPrior,
+    MockInpainter,
+    MockKeypointDetector,
+    MockMetricDepth,
+    MockRelativePointmap,
+    MockSegmenter,
+)
+from physic_mock.body_noise import BONES, LIMBS, depth_flip, draw_bone_errors
 from physic_mock.depths import MetricDepthOptions, RelativePointmapOptions
+from physic_mock.fill import fill_from_surroundings
 from physic_mock.humans import BodyOptions
+from physic_mock.keypoints import KeypointOptions
 from physic_mock.mask_noise import draw_floor_mask
-from physic_testing.worlds import build_world
-
-DRAWS = range(300)
-SMALL = (160, 120)
+from physic_mock.pixels import SegmenterOptions
+from physic_mock.recognition import MockOptions
+from physic_testing.conformance.true_keypoints import world_keypoints
+from physic_testing.worlds import SKELETONS, build_world
 
 
 @pytest.fixture(scope="module")
 def world():
-    return build_world("stand", size=SMALL)
-
-
-@pytest.fixture(scope="module")
-def people(world):
-    return People(masks=world.masks.copy(), boxes=world.boxes.copy(), scores=np.ones(len(world.masks)))
+    return build_world("stand", 0)
 
 
 def rng(seed: int = 0) -> np.random.Generator:
     return np.random.default_rng(seed)
 
 
-def bodies_of(world, people, **options):
-    keypoints = Keypoints(np.zeros((len(people), 17, 2)), np.zeros((len(people), 17)), "coco17")
+def people_of(world):
+    return People(world.masks, world.boxes, np.full(len(world.masks), 0.9), None)
+
+
+def bodies_of(world, camera=None, **options):
+    people = people_of(world)
+    keypoints = MockKeypointDetector().infer(world.image, people)
     estimator = MockBodyEstimator(BodyOptions(**options))
-    return estimator.infer(world.image, people, world.intrinsics, keypoints, Hints())
+    return estimator.infer(world.image, people, camera or world.intrinsics, keypoints, Hints())
 
 
 def test_every_depth_notes_the_noise_version(world):
-    notes = MockMetricDepth(MetricDepthOptions(noise=0.5)).infer(world.image, Hints()).notes
-    assert notes == (f"mock: true depth with errors of noise model {NOISE_VERSION} times 0.5",)
-    notes = MockRelativePointmap().infer(world.image, Hints()).notes
-    assert notes == (f"mock: true points in an unknown unit with errors of noise model {NOISE_VERSION} times 1",)
+    for backend in (
+        MockMetricDepth(MetricDepthOptions(noise=0.5)),
+        MockRelativePointmap(RelativePointmapOptions(noise=0.5)),
+    ):
+        (note,) = backend.infer(world.image, Hints()).notes
+        assert note.endswith(f"errors of noise version {NOISE_VERSION} times 0.5")
+
+
+def test_ragged_masks_stay_near_the_truth():
+    world = build_world("hug", 0)
+    for seed in range(5):
+        found = MockSegmenter(SegmenterOptions(noise=1, noise_seed=seed, missed_people=0)).infer(world.image)
+        for mask, truth in zip(found.masks, world.masks, strict=True):
+            assert 0.7 < (mask & truth).sum() / (mask | truth).sum() < 0.995
 
 
 def lean(hidden: np.ndarray, seed: int) -> np.ndarray:
@@ -71,78 +94,139 @@ def test_bones_of_a_limb_share_half_of_their_error():
     assert np.corrcoef(errors[:, one], errors[:, other])[0, 1] == pytest.approx(0, abs=0.1)
 
 
-def test_people_stray_along_their_line_of_sight(world, people):
-    true = world.joints[0, 0].astype(float)
-    moved = np.array(
-        [bodies_of(world, people, noise_seed=s, shape_noise=0, stature_noise=0).parameters.transl[0] for s in range(60)]
+def test_keypoints_have_the_stated_tails(world):
+    truth, visible = world_keypoints(world, SKELETONS["blazepose33"])
+    size = (world.boxes[:, 2:] - world.boxes[:, :2]).max(1)[:, None]
+    error, confidence = [], []
+    for seed in range(300):
+        options = KeypointOptions(noise=1, noise_seed=seed)
+        found = MockKeypointDetector(options).infer(world.image, people_of(world))
+        error.append(np.linalg.norm(found.points - truth, axis=-1) / size)
+        confidence.append(found.confidence)
+    error, confidence = np.stack(error), np.stack(confidence)
+    shown, hidden = error[:, visible], error[:, ~visible]
+    # Of Student's t in the plane: sigma sqrt(n (2^(2/n) - 1)), and with 10 instead of 2 the 90th percentile.
+    assert np.median(shown) == pytest.approx(1.51 * 0.016, rel=0.1)
+    assert np.quantile(shown, 0.9) == pytest.approx(5.55 * 0.016, rel=0.2)
+    assert np.median(hidden) == pytest.approx(1.51 * 0.065, rel=0.15)
+    assert (confidence[:, visible] < 0.5).mean() == pytest.approx(0.15, abs=0.02)
+    assert (confidence[:, ~visible] > 0.5).mean() == pytest.approx(0.5, abs=0.05)
+
+
+def test_limbs_are_found_at_people_whose_boxes_overlap():
+    world = build_world("group", 0)
+    overlap = box_iou(world.boxes, world.boxes) - np.eye(len(world.boxes))
+    assert overlap.max() > 0
+    wrist, nose = (SKELETONS["blazepose33"].names.index(name) for name in ("left_wrist", "nose"))
+    taken = np.zeros(len(overlap))
+    for seed in range(200):
+        options = KeypointOptions(noise=1, noise_seed=seed)
+        found = MockKeypointDetector(options).infer(world.image, people_of(world)).points
+        for i, others in enumerate(overlap):
+            taken[i] += np.array_equal(found[i, wrist], found[others.argmax(), wrist])
+            assert not np.array_equal(found[i, nose], found[others.argmax(), nose])
+    # A twentieth takes the limb; two people who overlap most with each other share it where either of them does.
+    assert 0.03 < taken[overlap.max(1) > 0].mean() / 200 < 0.13
+
+
+def test_bodies_have_the_stated_distance_and_stature(world):
+    nearer, taller = [], []
+    growth = None
+    for seed in range(200):
+        found = bodies_of(world, noise=1, noise_seed=seed)
+        own = world.joints[0, 0, 2] + found.parameters.transl[0, 2] - world.parameters.transl[0, 2]
+        nearer.append(np.log(own / world.joints[0, 0, 2]))
+        from physic_mock.humans import _log_stature_gradient
+
+        growth = _log_stature_gradient(world.body_model) if growth is None else growth
+        taller.append(growth @ (found.parameters.betas[0] - world.parameters.betas[0]))
+    assert np.mean(nearer) == pytest.approx(-0.06, abs=0.015)
+    assert np.std(nearer) == pytest.approx(np.hypot(0.045, 0.05), rel=0.15)
+    assert np.mean(taller) == pytest.approx(-0.06, abs=0.012)
+    assert np.std(taller) == pytest.approx(0.045, rel=0.15)
+    assert np.corrcoef(nearer, taller)[0, 1] == pytest.approx(0.045 / np.hypot(0.045, 0.05), abs=0.1)
+
+
+def test_a_wrong_focal_length_moves_bodies_along_the_ray_of_their_pixels(world):
+    camera = replace(world.intrinsics, fx=1.2 * world.intrinsics.fx, fy=1.2 * world.intrinsics.fy)
+    moved = bodies_of(world, camera, noise=1).parameters.transl - bodies_of(world, noise=1).parameters.transl
+    assert moved[0, :2] == pytest.approx([0, 0], abs=1e-5)
+    assert 0.15 < moved[0, 2] / world.joints[0, 0, 2] < 0.25
+
+
+def test_a_flipped_bone_keeps_its_place_in_the_image():
+    sight = np.array([0.0, 0.6, 0.8])
+    bone = np.array([0.1, -0.2, 0.25])
+    flipped = depth_flip(bone, sight).apply(bone)
+    assert flipped @ sight == pytest.approx(-(bone @ sight))
+    assert flipped - (flipped @ sight) * sight == pytest.approx(bone - (bone @ sight) * sight)
+
+
+def test_a_filled_hole_lies_between_its_surroundings_and_a_ramp_goes_on():
+    v, u = np.mgrid[:60, :90].astype(np.float64)
+    ramp = np.stack([2 * u + v, np.full_like(u, 7.0)], axis=-1)
+    hole = (u - 40) ** 2 + (v - 30) ** 2 < 15**2
+    filled = fill_from_surroundings(np.where(hole[..., None], -1e6, ramp), hole)
+    assert np.array_equal(filled[~hole], ramp[~hole])
+    assert np.abs(filled - ramp)[..., 1].max() < 1e-9
+    assert np.abs(filled - ramp)[..., 0].max() < 4  # of 75 across the hole
+    everywhere = np.ones_like(hole)
+    assert np.array_equal(fill_from_surroundings(ramp, everywhere), ramp)
+
+
+def test_the_hole_is_filled_from_its_surroundings():
+    world = build_world("sit_on_sofa", 0)
+    hole = world.masks.any(0)
+    filled = MockInpainter(MockOptions(noise=1)).infer(world.image, hole)
+    assert np.array_equal(filled[~hole], world.image[~hole])
+    assert np.abs(filled[hole].astype(int) - world.empty_image[hole]).mean() > 3
+
+
+def test_the_metric_scale_follows_the_bodies(world):
+    people, bodies = people_of(world), bodies_of(world)
+    farther = replace(bodies.parameters, transl=bodies.parameters.transl + 0.1 * world.joints[:, 0])
+    options = MetricDepthOptions(noise=1)
+    one, two = (
+        MockMetricDepth(options).infer(
+            world.empty_image, Hints(intrinsics=world.intrinsics, people=people, bodies=replace(bodies, parameters=p))
+        )
+        for p in (bodies.parameters, farther)
     )
-    error = moved - world.parameters.transl[0] + true
-    along = np.log(error @ true / (true @ true))
-    across = error - np.exp(along)[:, None] * true
-    options = BodyOptions()
-    assert along.std() == pytest.approx(options.depth_noise, rel=0.25)
-    assert np.sqrt((across**2).sum(axis=1).mean() / 2) == pytest.approx(options.lateral_noise_m, rel=0.25)
+    known = np.isfinite(one.depth)
+    assert two.depth[known] / one.depth[known] == pytest.approx(1.1, rel=1e-3)
+    assert one.intrinsics == world.intrinsics
 
 
-def test_contact_has_its_precision_and_recall_on_average_and_patches(world, people):
-    contact, bodies = world.contact[0], bodies_of(world, people, noise=0)
-    hits = false = 0
-    recalls = []
-    for seed in DRAWS:
-        answer = MockContactPrior(ContactOptions(noise_seed=seed)).infer(world.image, people, bodies)
-        found = answer.probability[0] > 0.5
-        assert not found[~world.outer].any()
-        hits, false = hits + (found & contact).sum(), false + (found & ~contact).sum()
-        recalls.append((found & contact).sum() / contact.sum())
-    assert hits / (hits + false) == pytest.approx(0.41, abs=0.03)
-    assert np.mean(recalls) == pytest.approx(0.35, abs=0.03)
-    assert np.std(recalls) == pytest.approx(0.4 * np.sqrt(0.35 * 0.65), rel=0.15)
-    # In patches: whoever is found has mostly neighbours that are.
-    own = found[world.faces].sum(axis=1)
-    assert (own == 3).sum() > 2 * ((own == 1) | (own == 2)).sum()
-
-
-def test_false_contact_lies_mostly_on_parts_that_often_touch(world, people):
+def test_the_contact_prior_of_fixed_parts_knows_nothing_of_the_truth(world):
     from physic_core.body import load_body
 
-    often = np.concatenate([v.numpy() for v in load_body("embedded").contact_sets.values()])
-    bodies = bodies_of(world, people, noise=0)
-    shares = []
-    for lure in (0.0, 3.0):
-        options = ContactOptions(lure=lure, spread=0)
-        found = MockContactPrior(options).infer(world.image, people, bodies).probability[0] > 0.5
-        false = np.flatnonzero(found & ~world.contact[0])
-        shares.append(np.isin(false, often).mean())
-    assert shares[1] > shares[0]
+    sets = load_body("embedded").contact_sets
+    bodies = bodies_of(world)
+    bodies = replace(bodies, observed=np.ones_like(bodies.observed))
+    prior = MockContactPrior(MockOptions(noise=1)).infer(world.image, people_of(world), bodies)
+    assert (prior.probability[:, sets["left_sole"].numpy()] == 1).all()
+    assert (prior.probability[:, sets["right_hand"].numpy()] == 0.5).all()
+    assert (prior.probability[:, sets["back"].numpy()] == 0).all()  # who stands does not sit
+    unseen = replace(bodies, observed=np.zeros_like(bodies.observed))
+    assert not MockContactPrior(MockOptions(noise=1)).infer(world.image, people_of(world), unseen).probability.any()
 
 
-def test_metric_depth_has_one_scale_error_for_all_pixels_and_states_its_sigma(world):
-    options = MetricDepthOptions(scale_sigma=0.1, focal_sigma=0.05, warp=0, smear_px=0)
-    answers = [MockMetricDepth(replace_seed(options, s)).infer(world.image, Hints()) for s in range(100)]
-    ratios = np.array([a.depth / world.depth for a in answers])
-    assert (ratios.std(axis=(1, 2)) < 1e-5).all()
-    focal = np.array([a.intrinsics.fx / world.intrinsics.fx for a in answers])
-    assert np.log(focal).std() == pytest.approx(0.05, rel=0.25)
-    # A focal length that is too long takes things too far.
-    assert np.log(ratios.mean(axis=(1, 2)) / focal).std() == pytest.approx(0.1, rel=0.25)
-    assert [a.scale_sigma for a in answers] == pytest.approx([np.hypot(0.1, 0.05)] * len(answers))
-
-
-def replace_seed(options, seed):
-    return options.model_copy(update={"noise_seed": seed})
-
-
-def test_the_two_pictures_share_warp_and_bumps_and_differ_by_their_disagreement(world):
-    background = ~world.masks.any(axis=0)
-    quiet = {"unknown": "scale", "scale_sigma": 0, "photo_scale_sigma": 0, "smear_px": 0}
-    for disagreement in (0.0, 0.02):
-        spread = []
-        for seed in range(12):
-            options = RelativePointmapOptions(noise_seed=seed, disagreement=disagreement, **quiet)
-            model = MockRelativePointmap(options)
-            photo, empty = (model.infer(i, Hints()).points[..., 2] for i in (world.image, world.empty_image))
-            spread.append(np.log(photo[background] / empty[background]))
-        assert np.std(spread) == pytest.approx(np.sqrt(2) * disagreement, rel=0.3, abs=1e-6)
+def test_children_come_out_as_adults_who_are_farther_away():
+    world = build_world("child_by_the_hand", 1)
+    model = load_body(world.body_model)
+    adult, child = np.isnan(world.ages).argmax(), np.isfinite(world.ages).argmax()
+    ratios = []
+    for seed in range(40):
+        found = bodies_of(world, noise=1, noise_seed=seed).parameters
+        stature = model.stature(torch.tensor(found.betas)) / model.stature(torch.tensor(world.parameters.betas))
+        depth = 1 + (found.transl - world.parameters.transl)[:, 2] / world.joints[:, 0, 2]
+        ratios.append(np.stack([stature.numpy(), depth])[:, [adult, child]])
+    (adult_taller, child_taller), (adult_farther, child_farther) = np.log(ratios).mean(0)
+    zero = float(model.stature(torch.zeros(1, 16)) / model.stature(torch.tensor(world.parameters.betas))[child])
+    assert child_taller == pytest.approx(np.log(zero) - 0.06, abs=0.03)
+    assert child_farther == pytest.approx(np.log(zero) - 0.06, abs=0.03)
+    assert adult_taller == pytest.approx(-0.06, abs=0.03)
+    assert adult_farther == pytest.approx(-0.06, abs=0.03)
 
 
 def test_errors_of_the_floor_mask_add_and_remove_patches(world):

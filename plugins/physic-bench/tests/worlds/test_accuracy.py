@@ -23,6 +23,7 @@ from physic_core.configuration.model import load_config
 from physic_core.configuration.resolve import resolve
 from physic_core.discovery.plugins import discover
 from physic_core.errors import ConfigError, PhysicError
+from physic_core.interfaces import INTERFACES
 from physic_testing.worlds import build_world
 
 SIZE = (160, 120)
@@ -112,8 +113,9 @@ def test_a_world_is_looked_at_once_and_its_rows_are_kept(config, tmp_path, monke
     assert json.loads(json.dumps(first)) == first
 
 
-def test_the_engine_is_better_than_the_start(config):
-    record = run_world(CASE, BenchmarkJob(config, select_rows("default", ["start", "full"]), None))
+def test_the_engine_is_better_than_a_start_with_errors():
+    noisy = load_config(preset="mock", overrides=[f"{name}.options.noise=1" for name in INTERFACES])
+    record = run_world(CASE, BenchmarkJob(noisy, select_rows("default", ["start", "full"]), None))
     start, full = (record["rows"][key]["people"][0] for key in ("start", "full"))
     print({key: (start[key], full[key]) for key in ("pa_mpjpe_mm", "mpjpe_mm", "f1")})
     assert full["mpjpe_mm"] < start["mpjpe_mm"]

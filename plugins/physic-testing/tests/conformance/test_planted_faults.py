@@ -44,5 +44,5 @@ def test_a_mock_without_a_fault_passes(mock: str):
 
 @pytest.mark.parametrize("interface", INTERFACES)
 def test_errors_as_large_as_those_of_networks_are_no_bias(interface: str):
-    report = check_backend("mock", interface, options={"version": 4, "noise_seed": 1000})
+    report = check_backend("mock", interface, options={"noise": 1, "noise_seed": 1000})
     assert report.ok, report.text
