@@ -223,9 +223,9 @@ def _contents(
         numbers = {ARRAYS_FILE: stream.getvalue()}
         try:
             if GLB_FILE in pictures:
-                from physic_core.visual.glb import glb_files
+                from physic_core.visual.glb import combined_glb
 
-                found |= glb_files(reconstruction, parts=False)
+                found[GLB_FILE] = combined_glb(reconstruction)
             if REPORT_FILE in pictures:
                 from physic_core.visual.report import report_html
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -102,25 +102,14 @@ class _Background:
     floor: tuple[NDArray[np.float64], NDArray[np.int64]] | None
 
 
-def glb_files(result: Reconstruction, *, parts: bool = True) -> Iterator[tuple[str, bytes]]:
-    """Yield name and content of the GLB files of a result: of ``combined.glb`` and, if ``parts``, of its parts.
+def combined_glb(result: Reconstruction) -> bytes:
+    """Return the content of ``combined.glb``: the file that :func:`export_glb` writes, also without a body model.
 
-    ``combined.glb`` has everything, and is the file that :func:`export_glb` writes. ``scene.glb`` has scene and floor.
-    ``person_0.glb``, ... have one posed body without a skeleton, for programs that do not pose skinned meshes; the
-    file of a person without a body has the camera alone. Bodies of SMPL-X files have no skeleton in ``combined.glb``
-    either, and ``extras`` of its scene states why: their skinning weights are the user's, and not copied unasked.
+    Bodies of SMPL-X files have no skeleton here, and ``extras`` of the scene states why: their skinning weights are the
+    user's, and not copied unasked.
     """
     posed = tuple(index for index, person in enumerate(result.people) if np.isfinite(person.vertices).all())
     request = ExportRequest(result, posed, export_frame(result.scene.floor, "y"), "combined", ".glb")
-    background = textured_scene(result, request.frame)
-    if parts:
-        yield "scene.glb", build_glb(replace(request, people=()), background, {}, add_dressed).content()
-        for index in range(len(result.people)):
-            people = (index,) if index in posed else ()
-            yield (
-                f"person_{index}.glb",
-                build_glb(replace(request, people=people, scene=False), None, {}, add_dressed).content(),
-            )
     skins, reason = dict[int, Rig](), ""
     if result.body_model == "embedded":
         try:
@@ -129,7 +118,7 @@ def glb_files(result: Reconstruction, *, parts: bool = True) -> Iterator[tuple[s
             reason = str(error)
     else:
         reason = "it is in a file of yours; `physic export --to glb` writes it"
-    yield "combined.glb", build_glb(request, background, skins, add_dressed, reason).content()
+    return build_glb(request, textured_scene(result, request.frame), skins, add_dressed, reason).content()
 
 
 def export_glb(request: ExportRequest) -> ExportedFiles:

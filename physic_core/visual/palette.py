@@ -116,22 +116,21 @@ def painted_contact(person: Person, partners: Sequence[ContactPartner], body: _R
     return painted
 
 
-def has_faint_contact(*results: Reconstruction) -> bool:
-    """Whether a body of results has contact that is painted faint, which a legend says by :data:`FAINT`."""
-    strengths = (contact_strength(person) for result in results for person in result.people)
+def has_faint_contact(result: Reconstruction) -> bool:
+    """Whether a body of a result has contact that is painted faint, which a legend says by :data:`FAINT`."""
+    strengths = (contact_strength(person) for person in result.people)
     return any(bool(((strength > 0) & (strength < 1)).any()) for strength in strengths)
 
 
-def contact_legend(*results: Reconstruction) -> dict[str, _Rgb]:
-    """Return label -> sRGB colour of the contact that the bodies of results show, in the order of CONTACT_PALETTE."""
+def contact_legend(result: Reconstruction) -> dict[str, _Rgb]:
+    """Return label -> sRGB colour of the contact that the bodies of a result show, in the order of CONTACT_PALETTE."""
     shown: set[str] = set()
-    for result in results:
-        for person in result.people:
-            if person.contact_partner is not None:
-                touched = np.unique(person.contact_partner)
-                shown.update(contact_label(result.contact_partners[i]) for i in touched if i >= 0)
-            elif person.contact.any():
-                shown.add("anything")
+    for person in result.people:
+        if person.contact_partner is not None:
+            touched = np.unique(person.contact_partner)
+            shown.update(contact_label(result.contact_partners[i]) for i in touched if i >= 0)
+        elif person.contact.any():
+            shown.add("anything")
     return {label: rgb for label, rgb in {**CONTACT_PALETTE, "anything": CONTACT_RGB}.items() if label in shown}
 
 

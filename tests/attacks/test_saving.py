@@ -39,10 +39,7 @@ def mark(result: Reconstruction) -> str:
 def quick_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pictures and pages that name their result, in place of rendered ones."""
 
-    def glb_files(result: Reconstruction, *, parts: bool) -> dict[str, bytes]:
-        return {"combined.glb": f"mesh of {mark(result)}".encode()}
-
-    monkeypatch.setattr(glb, "glb_files", glb_files)
+    monkeypatch.setattr(glb, "combined_glb", lambda result: f"mesh of {mark(result)}".encode())
     monkeypatch.setattr(preview, "preview_png", lambda result: f"picture of {mark(result)}".encode())
     monkeypatch.setattr(output, "photos_png", lambda scene: f"photos of {mark(scene.reconstruction)}".encode())
     page = f"<meta {report_file.PAGE_MARK}> page of "

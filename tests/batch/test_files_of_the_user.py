@@ -103,7 +103,7 @@ def test_an_edited_file_of_a_result_is_kept(
     monkeypatch: pytest.MonkeyPatch,
 ):
     """A batch does not do a photo again for it, and keeps it beside the new one where it does for another reason."""
-    monkeypatch.setattr("physic_core.visual.glb.glb_files", lambda result, parts: {"combined.glb": b"mesh"})
+    monkeypatch.setattr("physic_core.visual.glb.combined_glb", lambda result: b"mesh")
     out, (item,) = tmp_path / "out", list_photos([str(photos)]).photos
     jobs = [
         BatchJob(load_config(preset="mock", overrides=[f"photo.max_side={side}"]), str(out), "pictures")

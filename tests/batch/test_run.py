@@ -295,7 +295,7 @@ def run_tiny(photos: Path, job: BatchJob) -> dict[str, Any]:
 
 @pytest.fixture
 def quick_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("physic_core.visual.glb.glb_files", lambda result, parts: {"combined.glb": b"mesh"})
+    monkeypatch.setattr("physic_core.visual.glb.combined_glb", lambda result: b"mesh")
 
 
 @pytest.mark.usefixtures("quick_mesh")

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from physic_core.geometry.upright import gltf_from_camera, transform_points
 from physic_core.types import Plane, Scene
-from physic_core.visual.glb import glb_files
+from physic_core.visual.glb import combined_glb
 from physic_core.visual.surface import depth_limit, mesh_scene
 
 
@@ -32,8 +32,8 @@ def opened(content: bytes) -> trimesh.Scene:
 
 
 @pytest.fixture
-def files(reconstruction):
-    return dict(glb_files(reconstruction))
+def content(reconstruction):
+    return combined_glb(reconstruction)
 
 
 def test_a_level_camera_is_lifted_over_the_floor():
@@ -136,35 +136,34 @@ def test_the_scene_ends_at_three_times_the_farthest_person(reconstruction, make)
     assert depth_limit(make(people=0)) == 20.0
 
 
-def test_the_scene_and_each_person_have_a_glb_file(files):
-    assert list(files) == ["scene.glb", "person_0.glb", "person_1.glb", "combined.glb"]
-    for content in files.values():
-        extras = tree_of(content)["scenes"][0]["extras"]
-        assert extras["units"] == "metres"
-        assert "y up" in extras["axes"]
-        assert extras["contact_colors"] == {"floor": [24, 140, 130]}
-        assert tree_of(content)["nodes"][-1]["name"] == "camera"
+def test_the_file_states_units_axes_and_colours_and_has_a_camera(content):
+    extras = tree_of(content)["scenes"][0]["extras"]
+    assert extras["units"] == "metres"
+    assert "y up" in extras["axes"]
+    assert extras["contact_colors"] == {"floor": [24, 140, 130]}
+    assert tree_of(content)["nodes"][-1]["name"] == "camera"
 
 
-def test_a_person_stands_upright_on_the_floor_in_metres(files, reconstruction):
-    for index in (0, 1):
-        low, high = opened(files[f"person_{index}.glb"]).bounds
+def test_a_person_stands_upright_on_the_floor_in_metres(content):
+    bodies = opened(content).geometry
+    for name in ("person_0", "person_1"):
+        low, high = bodies[name].bounds
         assert low[1] == pytest.approx(0.0, abs=0.03)
         assert high[1] == pytest.approx(1.69, abs=0.02)
-    low, high = opened(files["person_0.glb"]).bounds
+    low, high = bodies["person_0"].bounds
     np.testing.assert_allclose((low + high)[[0, 2]] / 2, [-0.6, -3.0], atol=0.06)
 
 
-def test_vertices_are_the_camera_s_under_the_stated_matrix(files, reconstruction):
-    matrix = np.array(tree_of(files["person_1.glb"])["scenes"][0]["extras"]["gltf_from_camera"])
+def test_vertices_are_the_camera_s_under_the_stated_matrix(content, reconstruction):
+    matrix = np.array(tree_of(content)["scenes"][0]["extras"]["gltf_from_camera"])
     np.testing.assert_array_equal(matrix, gltf_from_camera(reconstruction.scene.floor))
-    mesh = opened(files["person_1.glb"]).geometry["person_1"]
+    mesh = opened(content).geometry["person_1"]
     np.testing.assert_allclose(mesh.vertices, transform_points(matrix, reconstruction.people[1].vertices), atol=1e-6)
     np.testing.assert_array_equal(mesh.faces, reconstruction.faces)
 
 
-def test_the_outside_of_a_person_is_outside(files):
-    mesh = opened(files["person_0.glb"]).geometry["person_0"]
+def test_the_outside_of_a_person_is_outside(content):
+    mesh = opened(content).geometry["person_0"]
     assert mesh.is_winding_consistent
     assert mesh.volume > 0.03
     inner = mesh.vertices.mean(0)
@@ -172,8 +171,8 @@ def test_the_outside_of_a_person_is_outside(files):
     assert mesh.vertex_normals[top] @ (mesh.vertices[top] - inner) > 0
 
 
-def test_materials_are_unlit_as_the_photo_brings_its_own_light(files):
-    tree = tree_of(files["combined.glb"])
+def test_materials_are_unlit_as_the_photo_brings_its_own_light(content):
+    tree = tree_of(content)
     photo, floor, people = tree["materials"]
     assert floor["alphaMode"] == "BLEND"
     assert photo["extensions"] == {"KHR_materials_unlit": {}}
@@ -187,8 +186,8 @@ def test_materials_are_unlit_as_the_photo_brings_its_own_light(files):
     assert set(used["person_0"]["attributes"]) == {"POSITION", "NORMAL", "_CONTACT", "COLOR_0"}
 
 
-def test_the_scene_stands_in_the_same_frame_and_shows_its_colours(files, reconstruction):
-    mesh = opened(files["scene.glb"]).geometry["scene"]
+def test_the_scene_stands_in_the_same_frame_and_shows_its_colours(content, reconstruction):
+    mesh = opened(content).geometry["scene"]
     low = mesh.bounds[0]
     assert low[1] == pytest.approx(0.0, abs=1e-3)
     assert low[2] == pytest.approx(-5.0, abs=1e-3)  # the wall
@@ -201,16 +200,15 @@ def test_the_scene_stands_in_the_same_frame_and_shows_its_colours(files, reconst
     np.testing.assert_allclose(pixel, [215, 120, 95], atol=12)
 
 
-def test_the_combined_file_holds_everything_by_name(files):
-    assert set(opened(files["combined.glb"]).geometry) == {"scene", "floor", "person_0", "person_1"}
-    assert set(opened(files["scene.glb"]).geometry) == {"scene", "floor"}
+def test_the_combined_file_holds_everything_by_name(content):
+    assert set(opened(content).geometry) == {"scene", "floor", "person_0", "person_1"}
 
 
-def test_bodies_that_no_model_gives_are_posed_meshes_and_the_combined_file_says_why(files, reconstruction, make):
-    tree = tree_of(files["combined.glb"])
+def test_bodies_that_no_model_gives_are_posed_meshes_and_the_combined_file_says_why(content, reconstruction, make):
+    tree = tree_of(content)
     assert "skins" not in tree
     count = len(reconstruction.people[0].vertices)
     reason = f"the body model has 13348 vertices, a body of the result {count}: "
     assert tree["scenes"][0]["extras"]["no_skeleton"].startswith(reason)
-    theirs = dict(glb_files(replace(reconstruction, body_model="smplx")))["combined.glb"]
+    theirs = combined_glb(replace(reconstruction, body_model="smplx"))
     assert tree_of(theirs)["scenes"][0]["extras"]["no_skeleton"].startswith("it is in a file of yours; ")
