@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +72,8 @@ def write_everything(result: Reconstruction, folder: Path) -> None:
     result.report(str(folder / "report.html"))
     json.loads((folder / "reconstruction.json").read_text(), parse_constant=pytest.fail)
     assert len(Reconstruction.load(str(folder)).people) == len(result.people)
-    for name in (exporter.record.name for exporter in find_exporters()):
-        if name != "amass":  # needs a model file of the user's
-            result.export(str(folder / name), name)
+    left_out = {"amass"}  # needs a model file of the user's
+    if find_spec("rerun") is None:
+        left_out.add("rrd")
+    for name in {exporter.record.name for exporter in find_exporters()} - left_out:
+        result.export(str(folder / name), name)

@@ -82,7 +82,7 @@ def with_segmenter(name: str) -> Registry:
         (
             registry(("embedded", A), restriction="physic-a"),
             "physic-embedded:embedded",
-            ("PHYSIC_PLUGINS='physic-a' hides", "add physic-embedded to it"),
+            ("PHYSIC_PLUGINS='physic-a' hides", "add to it", "physic-embedded"),
         ),
         (registry(("embedded", A)), "physic-embeded:embedded", ("Did you mean 'physic-embedded:embedded'?",)),
     ],

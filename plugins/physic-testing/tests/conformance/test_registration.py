@@ -96,9 +96,7 @@ def test_check_prints_failures_and_counts_and_ends_with_5_if_there_are_any(offer
 
 def test_check_says_what_is_wrong_with_its_arguments(offer):
     offer("physic-flat", 3.0)
-    assert physic("plugins", "check", "flatt").stderr.startswith(
-        "Error: no backend named 'flatt'; installed: flat. Did you mean 'flat'?\n"
-    )
+    assert "Did you mean 'flat'?" in physic("plugins", "check", "flatt").stderr
     assert "--option gain: write KEY=VALUE" in physic("plugins", "check", "flat", "--option", "gain").stderr
     done = physic("plugins", "check", "flat", "--option", "gain=2")
     assert done.exit_code == 2
