@@ -564,7 +564,7 @@ def test_conformance(sam2, signature, detector):
 @pytest.mark.parametrize("detector", [rt_detr, rtmo])
 def test_people_and_floor_of_a_world(sam2, detector):
     """The network's own grid is what is lost: 256 cells across."""
-    world = build_world("stand", 0, (320, 240))
+    world = build_world("stand", 1, (320, 240))
     backend = sam2("transformers.js", detector)()
     backend.load()
     people = backend.infer(world.image)
@@ -581,7 +581,7 @@ def test_people_and_floor_of_a_world(sam2, detector):
 def test_no_people_need_no_encoding(sam2):
     backend = sam2("transformers.js", rt_detr)()
     backend.load()
-    people = backend.infer(build_world("stand", 0, (320, 240)).empty_image)
+    people = backend.infer(build_world("stand", 1, (320, 240)).empty_image)
     assert len(people) == 0
     assert people.floor is None
     assert backend.encoder.runs == 0

@@ -34,7 +34,7 @@ def config():
 
 @pytest.fixture(scope="module")
 def worlds():
-    return [build_world(name, 4, SIZE) for name in view_names("hug", 3)]
+    return [build_world(name, 4, SIZE) for name in view_names("hold_hands", 3)]
 
 
 @pytest.fixture(scope="module")
@@ -175,7 +175,7 @@ def test_a_person_who_moved_is_named_and_is_in_the_reference_alone(solver, confi
 
 def test_photos_without_a_common_person_are_refused(solver, config, alone):
     with Pipeline(config) as pipeline:
-        other = pipeline(build_world("sit_on_floor", 3, SIZE).image)
+        other = pipeline(build_world("kneel", 4, SIZE).image)
     message = "no person of a.png can be where other.png shows one: give photos that were taken at the same moment"
     with pytest.raises(InputError, match=message):
         solver.join([alone[0], other], ["a.png", "other.png"])

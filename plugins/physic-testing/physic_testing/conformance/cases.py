@@ -53,7 +53,7 @@ _LARGE = 3
 _GLARE = 247
 
 _WORLDS = {
-    "several people": ("group", 0),
+    "several people": ("group", 1),
     "walking": ("walk", 1),
     "striding": ("walk", 0),
     "sitting": ("sit_side_by_side", 0),
@@ -125,15 +125,15 @@ def _build(name: str, size: tuple[int, int]) -> Case:
         return replace(_build(name.removesuffix(", large"), larger), name=name)
     width, height = size
     if name == "one person":
-        return case_of_world(name, build_world("stand", 0, size))
+        return case_of_world(name, build_world("stand", 1, size))
     if name in _WORLDS:
         action, seed = _WORLDS[name]
         sizes = {"walk": (height, width), "squat": (width * 7 // 8, height * 7 // 8)}
         return case_of_world(name, build_world(action, seed, sizes.get(action, size)))
     if name == "odd size":
-        return case_of_world(name, build_world("stand", 0, (131, 97)))
+        return case_of_world(name, build_world("stand", 1, (131, 97)))
     if name == "portrait":
-        return case_of_world(name, build_world("stand", 0, (height, width)))
+        return case_of_world(name, build_world("stand", 1, (height, width)))
     if name == "close":
         return case_of_world(name, build_world("stand", 0, (_LARGE * width, _LARGE * height)))
     person = _build("one person", size)

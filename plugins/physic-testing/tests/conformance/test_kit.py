@@ -169,7 +169,7 @@ def test_a_backend_that_needs_a_gpu_is_not_called_without_one():
 
 
 def test_backends_are_compared_in_one_table():
-    worlds = (("stand", 0), ("group", 0))
+    worlds = (("stand", 1), ("group", 1))
     found = compare("metric_depth", [RightMetricDepth, CENTIMETRES, NotReady], worlds=worlds, size=SIZE)
     right, hundred, missing = found.rows
     assert right.errors["abs-rel"] == pytest.approx(0, abs=1e-6)
@@ -181,7 +181,7 @@ def test_backends_are_compared_in_one_table():
     assert "*" in first
     assert third.endswith("0 of 2")
     assert note.endswith(f": not ready: {NO_WEIGHTS}")
-    assert about.startswith("metric_depth on synthetic worlds of 160 x 120 px: stand 0, group 0; people")
+    assert about.startswith("metric_depth on synthetic worlds of 160 x 120 px: stand 1, group 1; people")
     json.dumps(found.as_dict(), allow_nan=False)
 
 
