@@ -37,7 +37,7 @@ def test_vertices_and_textures_have_the_photo_s_colour_where_it_shows_them_and_g
         mesh = person.mesh()
         away = (mesh.vertex_normals * mesh.vertices).sum(1) / np.linalg.norm(mesh.vertices, axis=1)
         near = saturation(dressed.colors[index])
-        assert 0.1 < dressed.shown[index] < 0.5
+        assert 0.1 < dressed.shown[index] < 0.55
         assert (np.abs(dressed.colors[index].astype(int) - PINK).max(1) < 3).mean() > 0.1
         far = np.linalg.norm(mesh.vertices - mesh.vertices[near > 100][:, None], axis=-1).min(0) > FADE_M
         assert (far & (away > 0)).sum() > 100
@@ -85,7 +85,7 @@ def test_a_result_that_is_saved_as_numbers_loads_no_code_of_pictures(saved_pair:
         "import sys\n"
         "from physic_core import Reconstruction, save_reconstruction\n"
         f"result = Reconstruction.load({str(saved_pair)!r})\n"
-        f"save_reconstruction(result, {str(tmp_path / 'out')!r}, 'exact')\n"
+        f"save_reconstruction(result, {str(tmp_path / 'out')!r}, 'numbers')\n"
         "print(sorted(m for m in sys.modules if m.startswith('physic_core.visual.')))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True)
