@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.geometry.distortion import check_distortion, undistort_image, undistort_pixels
 from physic_core.types import KnownSizes, Lens, PeoplePrompt
 
 if TYPE_CHECKING:
@@ -35,6 +34,9 @@ def undistort(
     Raises:
         InputError: the distortion folds the image.
     """
+    # It imports torch, which other photos load beside the first network.
+    from physic_core.geometry.distortion import check_distortion, undistort_image, undistort_pixels
+
     camera = photo.intrinsics
     assert camera is not None
     check_distortion(camera, distortion)
