@@ -28,7 +28,7 @@ def file(other: OtherBody, tmp_path_factory: pytest.TempPathFactory) -> Iterator
 
 @pytest.fixture(scope="module")
 def world() -> World:
-    return build_world("stand", 0, (160, 120))
+    return build_world("stand", 1, (160, 120))
 
 
 def run(world: World, *overrides: str) -> Reconstruction:
@@ -56,7 +56,7 @@ def test_a_body_given_by_joints_alone_has_the_same_height(
     embedded: BodyModel, other_model: BodyModel, maps: None
 ) -> None:
     """As the ruler takes it: from the embedded body to the file's, and back by joints that lie elsewhere."""
-    world = build_world("stand", 0, (160, 120))
+    world = build_world("stand", 1, (160, 120))
     bodies_of_world = Bodies(world.parameters, "embedded")
     back = convert_bodies(replace_mesh_with_joints(convert_bodies(bodies_of_world, other_model), other_model), embedded)
     feet = [
