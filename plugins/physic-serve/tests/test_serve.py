@@ -31,13 +31,19 @@ def photo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+def _heed_closed_terminals() -> None:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
 @contextmanager
 def started(folder: Path, end: signal.Signals = signal.SIGTERM) -> Iterator[str]:
     """Yield the address of a server with mock estimators, which the signal ends; its folder is then as before."""
     before = sorted(folder.rglob("*"))
     command = [sys.executable, "-P", "-m", "physic_core", "serve", "--preset", "mock", "--port", "0"]
     options = ["--allow-host", "photos.example", "--folder", str(folder)]
-    with subprocess.Popen([*command, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    # Tests that nohup starts ignore SIGHUP, and so would the server.
+    with subprocess.Popen([*command, *options], preexec_fn=_heed_closed_terminals, **pipes) as process:
         line = process.stdout.readline()
         found = re.fullmatch(r"(http://127\.0\.0\.1:\d+)/  \(Ctrl-C ends it\)\n", line)
         assert found, line + process.communicate()[1]
