@@ -1,4 +1,4 @@
-"""The scene of a result: it is made up in nobody."""
+"""The inpainted scene of a result lies inside no body."""
 
 from __future__ import annotations
 
