@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from physic_core import engine_preset
 from physic_core.engine.contact.distance import ContactSurfaces
 from physic_core.engine.contact.features import KINDS, feature_columns, measure_distances, part_gaps
-from physic_core.engine.contact.method import touch_by_probability
 from physic_core.engine.contact.probability import ContactModel
 from physic_core.engine.contact.problem import ContactInput
 from physic_core.engine.contact.scene_parts import ClassifiedPoints
@@ -80,7 +79,7 @@ def test_depth_behind_a_foot_speaks_against_its_contact(body):
 
 
 @pytest.mark.parametrize(("scene", "kind"), [(-6.0, KINDS.index("own body")), (6.0, -1)])
-def test_skin_is_touched_only_where_it_is_likelier_than_the_scene(body, scene: float, kind: int):
+def test_skin_is_touched_only_where_it_is_likelier_than_the_scene(body, monkeypatch, scene: float, kind: int):
     soles = float(body(*body.zero_pose()).vertices[..., 1].min())
     given = alone(body, plane=(torch.tensor([0.0, 1.0, 0.0]), -soles))
     settings = replace(engine_preset("default").contact, threshold=0.999, skin_threshold=0.1)
@@ -90,4 +89,5 @@ def test_skin_is_touched_only_where_it_is_likelier_than_the_scene(body, scene: f
     model = ContactModel({name: {"constant": value} for name, value in constants.items()}, LINEAR.part)
     on_floor = torch.isfinite(near.surface.nearest) & body.outer
     assert on_floor.any()
-    assert touch_by_probability(given, near, model, settings).kind[on_floor].unique().tolist() == [kind]
+    monkeypatch.setattr("physic_core.engine.contact.method.contact_model", lambda: model)
+    assert settings.touch(given, near).kind[on_floor].unique().tolist() == [kind]
