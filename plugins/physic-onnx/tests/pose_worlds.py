@@ -52,16 +52,10 @@ def normalised(pixels: np.ndarray) -> np.ndarray:
 
 
 def sampled(photo: np.ndarray, origin: np.ndarray, step: np.ndarray, width: int, height: int) -> np.ndarray:
-    """(height, width, 3) where pixel (u, v) is the photo at origin + step * (u, v), bilinear, zero outside."""
-    return np.stack(
-        [
-            affine_transform(
-                photo[..., c].astype(float), step[::-1], origin[::-1], output_shape=(height, width), order=1
-            )
-            for c in range(3)
-        ],
-        -1,
-    )
+    """(height, width, 3) where pixel (u, v) is the photo at origin + step * (u, v), bilinear, between pixels that are zero outside."""
+    how = {"output_shape": (height, width), "order": 1, "mode": "grid-constant"}
+    channels = [affine_transform(photo[..., c].astype(float), step[::-1], origin[::-1], **how) for c in range(3)]
+    return np.stack(channels, -1)
 
 
 PLACES = [(90.0, 60.0), (120.0, 110.0), (75.0, 150.0)]
