@@ -233,13 +233,13 @@ OPTIONS: dict[str, str] = {}
 """Filled by the fixture of the made-up file."""
 
 
-# The network knows the mean shape of SMPL only: 77 mm at worst, where two of three people are small and one is tall.
+# The network knows the mean shape of SMPL only: 100 mm at worst, of a child.
 @parametrize_with_checks(
     "body_estimator",
     CameraHmrOnWorlds,
     options=lambda world: OPTIONS,
     capabilities={"exact"},
-    exact_limits={"MPJPE, mm": 80},
+    exact_limits={"MPJPE, mm": 105},
 )
 def test_camerahmr_conforms(check: Callable[[], None], smpl_file: Path) -> None:
     OPTIONS["smpl_file"] = str(smpl_file)

@@ -25,6 +25,7 @@ class Template(RelativePointmap):
 
     Options: ClassVar[type[Options]] = TemplateOptions
     options: TemplateOptions
+    capabilities: ClassVar[tuple[str, ...]] = ("ignores_image",)  # remove it once infer() looks at the image
 
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
         """Image (H, W, 3) -> points (H, W, 3): x right, y down, z forward, up to a scale."""
