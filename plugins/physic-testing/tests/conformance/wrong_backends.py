@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 import socket
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -366,7 +367,9 @@ class Printing(RightMetricDepth):
 @wrong("a list of all photos", "needs_no_more_memory_in_later_calls")
 class Hoarding(RightMetricDepth):
     def infer(self, image, hints):
-        self.__dict__.setdefault("seen", []).append(np.ones(1_000_000))
+        pages = np.frombuffer(mmap.mmap(-1, 8_000_000))  # always new memory; that of an array may be some freed before
+        pages[:] = 1
+        self.__dict__.setdefault("seen", []).append(pages)
         return super().infer(image, hints)
 
 
