@@ -52,7 +52,7 @@ def normalised(pixels: np.ndarray) -> np.ndarray:
 
 
 def sampled(photo: np.ndarray, origin: np.ndarray, step: np.ndarray, width: int, height: int) -> np.ndarray:
-    """(height, width, 3) where pixel (u, v) is the photo at origin + step * (u, v), bilinear, between pixels that are zero outside."""
+    """(height, width, 3) where pixel (u, v) is the photo at origin + step * (u, v), bilinear; zero outside of it."""
     how = {"output_shape": (height, width), "order": 1, "mode": "grid-constant"}
     channels = [affine_transform(photo[..., c].astype(float), step[::-1], origin[::-1], **how) for c in range(3)]
     return np.stack(channels, -1)
