@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from physic_core.geometry.gravity import UpEstimate, estimate_up
+from physic_core.geometry.gravity import estimate_up
 
 
 def camera(pitch_deg: float, roll_deg: float = 0.0) -> Tensor:
@@ -50,56 +50,42 @@ def surfaces(
     return torch.nn.functional.normalize(torch.cat([flat, random]) @ turned.T, dim=-1)
 
 
-def found(normals: Tensor) -> UpEstimate:
-    estimate = estimate_up(normals)
-    assert estimate is not None
-    return estimate
-
-
 def angle_deg(a: Tensor, b: Tensor) -> float:
     return math.degrees(math.acos(min(1.0, float(a.double() @ b.double()))))
 
 
-@pytest.mark.parametrize("pitch", [-10.0, 0.0, 10.0, 20.0, 35.0])
-@pytest.mark.parametrize("roll", [-15.0, 0.0, 8.0, 15.0])
-def test_up_is_found_in_a_cluttered_room(pitch: float, roll: float) -> None:
-    estimate = found(surfaces(camera(pitch, roll)))
-    off = angle_deg(estimate.up, up(pitch, roll))
-    assert off < 1.0
+@given(st.floats(-10, 35), st.floats(-15, 15), st.integers(0, 1000))
+@settings(max_examples=30, deadline=None)
+def test_up_is_found_for_any_camera_held_by_hand(pitch: float, roll: float, seed: int) -> None:
+    estimate = estimate_up(surfaces(camera(pitch, roll), seed=seed))
+    assert angle_deg(estimate.up, up(pitch, roll)) < 1.0
     assert estimate.up.dtype == torch.float64
     assert float(torch.linalg.vector_norm(estimate.up)) == pytest.approx(1.0)
     assert 0 < estimate.confidence < 1
 
 
-@given(st.floats(-10, 35), st.floats(-15, 15), st.integers(0, 1000))
-@settings(max_examples=20, deadline=None)
-def test_up_is_found_for_any_camera_held_by_hand(pitch: float, roll: float, seed: int) -> None:
-    estimate = found(surfaces(camera(pitch, roll), seed=seed))
-    assert angle_deg(estimate.up, up(pitch, roll)) < 1.0
-
-
 def test_up_is_found_from_the_floor_alone() -> None:
-    estimate = found(surfaces(camera(20.0), ceiling=0, facing=0, side=0, clutter=0))
+    estimate = estimate_up(surfaces(camera(20.0), ceiling=0, facing=0, side=0, clutter=0))
     assert angle_deg(estimate.up, up(20.0)) < 0.5
 
 
 def test_up_is_found_from_walls_alone() -> None:
-    estimate = found(surfaces(camera(20.0, -10.0), floor=0, ceiling=0, clutter=0))
+    estimate = estimate_up(surfaces(camera(20.0, -10.0), floor=0, ceiling=0, clutter=0))
     assert angle_deg(estimate.up, up(20.0, -10.0)) < 0.5
     assert estimate.confidence > 0.2
 
 
 def test_one_wall_with_hardly_anything_level_is_far_less_firm_than_a_room() -> None:
-    room = found(surfaces(camera(10.0)))
-    wall = found(surfaces(camera(10.0), floor=60, ceiling=0, facing=5000, side=0))
+    room = estimate_up(surfaces(camera(10.0)))
+    wall = estimate_up(surfaces(camera(10.0), floor=60, ceiling=0, facing=5000, side=0))
     assert wall.confidence < 0.25 * room.confidence
 
 
 def test_a_camera_that_looks_far_down_is_estimated_wrong() -> None:
-    assert angle_deg(found(surfaces(camera(60.0))).up, up(60.0)) > 30.0
+    assert angle_deg(estimate_up(surfaces(camera(60.0))).up, up(60.0)) > 30.0
 
 
 def test_a_wall_seen_from_straight_ahead_leaves_up_a_direction_that_nothing_makes_firm() -> None:
-    estimate = found(torch.tensor([[0.0, 0.0, -1.0]]).expand(1000, 3))
+    estimate = estimate_up(torch.tensor([[0.0, 0.0, -1.0]]).expand(1000, 3))
     assert float(torch.linalg.vector_norm(estimate.up)) == pytest.approx(1.0)
     assert estimate.confidence == 0.0

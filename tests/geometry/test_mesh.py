@@ -66,15 +66,6 @@ def test_a_vertex_without_a_face_has_neither_normal_nor_area(array):
     assert vertex_areas(vertices, faces).tolist() == pytest.approx([1 / 6, 1 / 6, 1 / 6, 0.0])
 
 
-def test_arrays_and_tensors_give_the_same_numbers():
-    rng = np.random.default_rng(4)
-    vertices, faces = icosphere(np.asarray)
-    vertices = np.stack([vertices, vertices + rng.normal(0, 0.01, vertices.shape)])
-    tensors = torch.tensor(vertices), torch.tensor(faces)
-    np.testing.assert_allclose(vertex_normals(vertices, faces), vertex_normals(*tensors).numpy(), atol=1e-12)
-    np.testing.assert_allclose(vertex_areas(vertices, faces), vertex_areas(*tensors).numpy(), rtol=1e-12)
-
-
 def test_the_faces_around_a_vertex_give_the_same_normals():
     vertices, faces = icosphere(torch.tensor, fineness=2)
     around = faces_of_vertices(faces, len(vertices))

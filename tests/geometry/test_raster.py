@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 import roma
 import torch
-import trimesh
 
 from physic_core.body import load_body
 from physic_core.geometry.raster import hidden_by_raster, rasterize
@@ -39,20 +38,6 @@ def test_triangles_of_every_size_leave_no_gap(size):
     pixels = torch.tensor([[[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]]]) * (size - 1)
     got = rasterize(pixels, torch.ones(1, 4), torch.tensor([[0, 1, 2], [0, 2, 3]]), size, size)
     assert (got >= 0).all()
-
-
-def test_a_sphere_behind_another_is_hidden():
-    ball = trimesh.creation.icosphere(3, 0.3)
-    sphere, faces = torch.tensor(ball.vertices).float(), torch.tensor(ball.faces)
-    near, far = sphere + torch.tensor([0.0, 0.0, 2.0]), 0.5 * sphere + torch.tensor([0.0, 0.0, 3.0])
-    both = torch.cat([near, far])[None]
-    hidden, face = hidden_by_raster(both, torch.cat([faces, faces + len(near)]))
-    assert hidden[0, len(near) :].all()
-    assert (face[0, len(near) :] < len(faces)).all()
-    front = near[:, 2] < 1.8
-    assert not hidden[0, : len(near)][front].any()
-    assert hidden[0, : len(near)][near[:, 2] > 2.1].all()
-    assert ((face >= 0) == hidden).all()
 
 
 @pytest.fixture(scope="module")
