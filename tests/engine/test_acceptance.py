@@ -71,8 +71,9 @@ def test_a_person_with_nan_energy_is_held_and_the_other_converges():
     """Beyond the wall the first person's energy is not a number."""
     energy = Two(wall=1.0)
     energy.goals[0] = torch.tensor([1.5, 0.0, 2.0])
-    ADAM.minimise(energy)
+    trace = ADAM.minimise(energy)
     places = energy.places()
+    assert trace.end["own"] < trace.start["own"]
     assert 0.5 < places[0, 0] <= 1.0
     torch.testing.assert_close(places[1], GOALS[1], atol=0.01, rtol=0)
 

@@ -18,19 +18,17 @@ ADAM = AdamSettings(learning_rate=0.1, steps=100, refresh_steps=30)
 class Bowl:
     """Pulls the translation to a goal; counts what is asked of it."""
 
-    def __init__(self, goal=(0.3, -0.2, 3.0), wall=None, after_refresh=None):
+    def __init__(self, wall=None):
         eye = torch.eye(3).double().expand(1, 55, 3, 3)
         place = torch.tensor([[0.0, 0.0, 2.0]]).double()
         frozen = ["root", "pose", "hands", "betas", "scale", "offset"]
         self.state = State(eye, torch.zeros(1, 2).double(), place, place, frozen=frozen)
-        self.goal = torch.tensor([goal]).double()
-        self.wall, self.after_refresh = wall, after_refresh
+        self.goal = torch.tensor([[0.3, -0.2, 3.0]]).double()
+        self.wall = wall
         self.evaluations = self.refreshes = 0
 
     def refresh(self):
         self.refreshes += 1
-        if self.after_refresh is not None:
-            self.goal = torch.tensor([self.after_refresh]).double()
 
     def __call__(self):
         self.evaluations += 1
@@ -178,23 +176,3 @@ def test_the_optimiser_avoids_nan():
     place = energy.state.unpack().transl[0]
     assert 2.0 < place[2] <= 2.5
     assert trace.end["bowl"] < trace.start["bowl"]
-
-
-def test_adam_returns_its_best_step_before_the_energy_became_nan():
-    energy = Bowl(wall=2.3)
-    trace = ADAM.minimise(energy)
-    assert torch.isfinite(energy.state.pack()).all()
-    assert energy.state.unpack().transl[0, 2] <= 2.3
-    assert trace.end["bowl"] < trace.start["bowl"]
-
-
-@pytest.mark.parametrize("settings", [LBFGS, ADAM])
-def test_never_ends_worse_than_it_began(settings):
-    """The last refresh moves the minimum behind the start. L-BFGS returns there; Adam searches from there again."""
-    energy = Bowl(goal=(0.0, 0.0, 3.0), after_refresh=(0.0, 0.0, 1.9))
-    trace = replace(settings, steps=20, refresh_steps=20).minimise(energy)
-    if settings is LBFGS:
-        torch.testing.assert_close(energy.state.unpack().transl, torch.tensor([[0.0, 0.0, 2.0]]).double())
-        assert trace.end == trace.start
-    else:
-        assert trace.end["bowl"] < trace.start["bowl"] == pytest.approx(100 * 0.1**2)

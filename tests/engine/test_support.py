@@ -209,9 +209,6 @@ def test_the_record_has_the_large_likely_contacts_that_carry_with_the_probabilit
         ("right_hand", "hidden handhold"),
         ("back", "hidden support behind the back"),
         ("left_foot", "hidden support under the feet"),
-        ("right_lower_leg", "hidden support under the knees"),
-        ("torso", "hidden support under the body"),
-        ("head", "hidden support under the head"),
     ],
 )
 def test_names_of_hidden_supports(part, name):

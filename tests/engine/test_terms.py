@@ -119,13 +119,6 @@ def test_reprojection_of_known_points_has_the_known_energy():
     assert both_axes.item() == pytest.approx(0.5 * (1 + 1))
 
 
-def test_reprojection_is_the_same_at_every_resolution():
-    projected, observed, weight = rand(1, 5, 2, grad=False), rand(1, 5, 2, seed=1, grad=False), torch.ones(1, 5)
-    one = reprojection_energy(projected, observed, weight, torch.tensor([[0.3]]).double(), RHO)
-    four = reprojection_energy(4 * projected, 4 * observed, weight, torch.tensor([[1.2]]).double(), RHO)
-    torch.testing.assert_close(one, four)
-
-
 def test_the_depth_energy_of_a_map_of_another_scale_and_offset_is_zero():
     z = rand(2, 6, low=2, high=5, grad=False)
     log_scale, offset = torch.tensor(0.1).double(), torch.tensor([0.2, -0.05]).double()
@@ -149,13 +142,6 @@ def test_chamfer_equals_the_plain_sum():
     torch.testing.assert_close(got, pairs.amin(1).sum() + pairs.amin(0).sum())
 
 
-def test_contact_pulls_from_both_sides_of_the_surface():
-    d = torch.tensor([[-0.03, 0.03]], dtype=torch.float64, requires_grad=True)
-    contact_energy((d / 0.02).square(), torch.ones(1, 2), RHO).sum().backward()
-    assert d.grad[0, 0] < 0 < d.grad[0, 1]
-    torch.testing.assert_close(d.grad[0, 0], -d.grad[0, 1])
-
-
 def test_penetration_is_zero_outside_and_within_its_slack():
     d = torch.tensor([[0.1, 0.0, -0.009, -0.03]])
     each = penetration_energy(d[0][:, None], torch.ones(4, 1), 0.01, 0.02, square)
@@ -173,26 +159,9 @@ def test_a_flat_sole_is_as_high_as_it_is_and_a_tiptoe_as_its_toes():
     assert lowest_height(tiptoe).item() == 0
 
 
-def test_the_foot_in_the_air_is_let_be_and_the_lower_one_is_pulled():
-    lowest = torch.tensor([[0.25, 0.08]], dtype=torch.float64, requires_grad=True)
-    ones = torch.ones(1, 2).double()
-    sole_energy(lowest, ones, ones[:, 0], partial(geman_mcclure, c=0.06), partial(cauchy, c=0.1)).sum().backward()
-    assert lowest.grad[0, 0] < 0.02 * lowest.grad[0, 1]
-    assert lowest.grad[0, 1] > 0.05
-
-
 def test_soles_of_unseen_feet_weigh_nothing():
     value = sole_energy(torch.full((1, 2), torch.inf), torch.zeros(1, 2), torch.zeros(1), RHO, RHO)
     assert value.item() == 0
-
-
-def test_mesh_deviation_does_not_see_a_rigid_motion():
-    start, pelvis = rand(1, 8, 3, grad=False), rand(1, 3, seed=1, grad=False)
-    turn = roma.rotvec_to_rotmat(torch.tensor([[0.3, -1.0, 0.2]]).double())
-    moved = start @ turn.mT + torch.tensor([1.0, 2.0, 3.0])
-    now = root_relative(moved, pelvis @ turn[0].T + torch.tensor([1.0, 2.0, 3.0]), turn)
-    before = root_relative(start, pelvis, torch.eye(3).double()[None])
-    torch.testing.assert_close(mesh_energy(now, before, torch.ones(1, 8)), torch.zeros(1).double())
 
 
 def turned(**joints):
