@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 from collections.abc import Callable
 from pathlib import Path
@@ -119,10 +120,8 @@ def test_a_backend_that_cannot_be_closed_costs_a_warning(events: list[str]):
     ask(stages, b)
     stages.close()
     assert events[-2:] == ["close a", "close b"]
-    assert stages.warnings == [
-        f"metric_depth 'a' (my-dist 1.0) cannot be closed: OSError: gone {LOADS}; "
-        "the result is complete, but memory may be lost"
-    ]
+    (warning,) = stages.warnings
+    assert f"cannot be closed: OSError: gone {LOADS}" in warning
 
 
 TITLE = "metric_depth 'a' (my-dist 1.0), stage 'depth'"
@@ -185,9 +184,8 @@ def test_ctrl_c_ends_an_optional_stage(events: list[str]):
 def test_an_invalid_result_is_an_error_with_every_violation(answer: object, fault: str):
     backend = Counting()
     backend.answer = answer
-    with pytest.raises(BackendOutputError) as error:
+    with pytest.raises(BackendOutputError, match=re.escape(fault)):
         ask(StageRunner("cpu", 1), backend)
-    assert str(error.value) == f"{TITLE} returned what the interface does not allow:\n  {fault}"
 
 
 def test_a_run_continues_without_an_optional_backend():
@@ -198,10 +196,9 @@ def test_a_run_continues_without_an_optional_backend():
     assert if_it_can(stages, wrong) is None
     right = Counting()
     assert if_it_can(stages, right) is not None
-    assert stages.warnings == [
-        f"{TITLE}: FileNotFoundError: w.pt {LOADS}; all is flat",
-        f"{TITLE} returned what the interface does not allow: depth must be (6, 8), got (8, 6); all is flat",
-    ]
+    for warning, word in zip(stages.warnings, ("FileNotFoundError: w.pt", "depth must be"), strict=True):
+        assert word in warning
+        assert warning.endswith("; all is flat")
     assert [record.failed for record in stages.records] == [True, True, False]
 
 
@@ -267,4 +264,4 @@ def test_a_cached_result_must_pass_the_check(
     assert once.depth.shape == SHAPE
     stages.close()
     assert events == ["load a on cpu", "infer a", "load a on cpu", "infer a", "close a"]
-    assert stages.notes == [f"discarded a damaged cache file, and computed its result again: {file} (x)"]
+    assert str(file) in stages.notes[0]
