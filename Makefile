@@ -38,7 +38,7 @@ QUICK := $(addprefix tests/, body/test_model.py body/test_parameters.py body/tes
 	body/test_rotations.py cache cli/test_commands.py cli/test_exit_codes.py cli/test_startup.py \
 	configuration/test_config.py configuration/test_resolve.py \
 	discovery/test_plugins.py discovery/test_registry.py engine/test_contact.py \
-	engine/test_human.py engine/test_scene.py engine/test_settings.py engine/test_state.py \
+	engine/test_human.py engine/test_scene.py engine/test_state.py \
 	engine/test_surface_terms.py engine/test_terms.py files geometry io/test_results.py metrics \
 	pipeline/test_mock_worlds.py pipeline/test_pipeline.py pipeline/test_stage_runner.py project/test_packaging.py \
 	project/test_public_api.py weights) plugins/physic-mock/tests/test_mock.py plugins/physic-setup/tests/test_config_schema.py \
