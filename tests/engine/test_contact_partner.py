@@ -15,7 +15,8 @@ from physic_core.engine.contact.scene_parts import ClassifiedPoints, SceneParts,
 from physic_core.engine.contact.skin import SkinDistances
 from physic_core.types import NO_PARTNER, BodyContact, ContactPartner
 
-NAMES = ("unknown", "floor", "seat", "table")
+NAMES = ("unknown", "floor", "seat", "table", "wall")
+UP = torch.tensor([0.0, -1.0, 0.0])
 
 
 def square(height: float, x: float = 0.0) -> torch.Tensor:
@@ -29,9 +30,8 @@ def parts_of(*squares: tuple[torch.Tensor, str, bool]) -> tuple[torch.Tensor, Sc
     points = torch.cat([points for points, _, _ in squares])
     label = torch.cat([torch.full((len(p),), NAMES.index(name)) for p, name, _ in squares])
     seen = torch.cat([torch.full((len(p),), seen) for p, _, seen in squares])
-    up = torch.tensor([0.0, -1.0, 0.0]).expand_as(points)
     row = torch.arange(len(points))
-    return points, scene_parts(points, up, row, ClassifiedPoints(NAMES, label, seen), -points[:, 1])
+    return points, scene_parts(points, UP.expand_as(points), row, ClassifiedPoints(NAMES, label, seen), -points[:, 1])
 
 
 def test_surfaces_of_one_class_that_are_apart_have_different_ids():
@@ -70,7 +70,7 @@ def assigned(touched: list[int], scene: list[float], floor: list[float], point: 
     objects = ObjectDistances(torch.zeros(1, count), 4 * one)
     near = Distances(torch.zeros(1, count, 3), surface, parts, skin, skin, objects)
     regions = ContactRegions(("head", "left_hand"), torch.tensor([0, 1] * 8)[: max(count, 2)])
-    table, index = assign_partners(torch.tensor([touched]), near, regions)
+    table, index = assign_partners(torch.tensor([touched]), near, regions, UP)
     return [table[i] if i != NO_PARTNER else ContactPartner("") for i in index[0].tolist()]
 
 
@@ -88,6 +88,18 @@ def test_each_contact_vertex_has_its_partner():
     hidden = [ContactPartner("hidden", "seat"), ContactPartner("hidden")]
     item_partner = ContactPartner("object", "object", id=4)
     assert found == [floor, seat, floor, *skin, *hidden, item_partner, ContactPartner("")]
+
+
+@pytest.mark.parametrize(("label", "facing", "name"), [("wall", 1.0, ""), ("wall", 0.0, "wall"), ("seat", 1.0, "seat")])
+def test_a_part_that_rests_on_a_surface_does_not_rest_on_a_wall(label: str, facing: float, name: str):
+    _, parts = parts_of((square(0.45), label, True))
+    far, touched = torch.full((1, 4), torch.inf), torch.zeros(1, 4, dtype=torch.int64)
+    skin = SkinDistances(far, touched, touched)
+    surface = SurfaceDistances(torch.zeros(1, 4), far, torch.arange(4)[None])
+    down = torch.tensor([0.0, facing, 1 - facing]).expand(1, 4, 3)
+    regions = ContactRegions(("left_foot",), torch.zeros(4, dtype=torch.int64))
+    table, _ = assign_partners(touched, Distances(down, surface, parts, skin, skin, None), regions, UP)
+    assert [partner.surface for partner in table] == [name]
 
 
 def vertex_contacts(

@@ -21,6 +21,8 @@ DECIMALS = 4
 
 _MIN_VERTICES = 3  # of a contact that is listed
 _DENT_QUANTILE = 0.9  # of the depths of a part's vertices in a dent
+_UPRIGHT = ("wall", "ceiling", "window")  # surfaces on which nothing rests
+_RESTS = -0.3  # cosine between up and the mean normal of touching skin; below it, the part rests on what it touches
 
 
 @dataclass(frozen=True)
@@ -39,15 +41,19 @@ class VertexContacts:
 
 
 def assign_partners(
-    touched: Tensor, near: Distances, regions: ContactRegions
+    touched: Tensor, near: Distances, regions: ContactRegions, up: Tensor
 ) -> tuple[tuple[ContactPartner, ...], Tensor]:
     """Name the partner of each contact vertex.
+
+    A surface has the most frequent class of its points. A class on which nothing rests, such as "wall", does not name
+    what lies under a sole or a seat: the surface is then nameless there.
 
     Args:
         touched: (N, V) int64, what a vertex touches: index into ``KINDS``, :data:`HIDDEN` or :data:`HIDDEN_SEAT`; -1
             without contact.
         near: distances to all of these.
         regions: body parts.
+        up: (3,) unit.
 
     Returns:
         All partners, and the index (N, V) int16 of each vertex's; :data:`NO_PARTNER` without contact.
@@ -67,11 +73,14 @@ def assign_partners(
     add(on_scene & ground, ContactPartner("floor", "floor"))
     on_scene = on_scene & ~ground
     if bool(on_scene.any()):
-        surface = parts.surface[surfaces.point]
+        surface, rests = parts.surface[surfaces.point], _resting(near.normals @ up, on_scene, regions)
         for number, own in enumerate(torch.unique(surface[on_scene]).tolist()):
             rows = on_scene & (surface == own)
             label = int(parts.label[surfaces.point[rows]].mode().values)
-            add(rows, ContactPartner("scene", parts.names[label] if label >= 0 else "", id=number))
+            name = parts.names[label] if label >= 0 else ""
+            nameless = rests if name in _UPRIGHT else torch.zeros_like(rests)
+            add(rows & ~nameless, ContactPartner("scene", name, id=number))
+            add(rows & nameless, ContactPartner("scene", id=number))
     for kind, skin in (("person", near.people), ("own body", near.own)):
         on_skin = touched == KINDS.index(kind)
         person = skin.person if kind == "person" else torch.zeros_like(skin.person)
@@ -87,6 +96,23 @@ def assign_partners(
     add(touched == HIDDEN_SEAT, ContactPartner("hidden", "seat"))
     add(touched == HIDDEN, ContactPartner("hidden"))
     return tuple(table), index
+
+
+def _resting(facing: Tensor, on_scene: Tensor, regions: ContactRegions) -> Tensor:
+    """Return the vertices (N, V) bool of body parts that rest on the scene.
+
+    Args:
+        facing: (N, V) cosine between normal and up.
+        on_scene: (N, V) bool, contacts with the scene.
+        regions: body parts.
+    """
+    count = len(regions.names)
+    region = regions.region.expand_as(facing)
+    total, touching = (
+        torch.zeros(len(facing), count).to(facing).scatter_add(1, region, values)
+        for values in (torch.where(on_scene, facing, 0.0), on_scene.to(facing))
+    )
+    return (total < _RESTS * touching).gather(1, region)
 
 
 def body_contacts(

@@ -83,7 +83,7 @@ def _describe_contacts(
 ) -> ContactResult:
     """Name partners and supports, and list the contacts of each body part."""
     regions = contact_regions(given.model)
-    partners, index = assign_partners(touch.kind, near, regions)
+    partners, index = assign_partners(touch.kind, near, regions, given.up)
     give = largest_dents(near.surface, near.parts)
     dents = dent_depths(given.vertices, given.uncarved, give, method.measure)
     dents = torch.where(touch.kind == KINDS.index("scene"), dents, torch.nan)
