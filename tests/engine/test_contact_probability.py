@@ -91,3 +91,24 @@ def test_skin_is_touched_only_where_it_is_likelier_than_the_scene(body, monkeypa
     assert on_floor.any()
     monkeypatch.setattr("physic_core.engine.contact.method.contact_model", lambda: model)
     assert settings.touch(given, near).kind[on_floor].unique().tolist() == [kind]
+
+
+def test_a_thigh_beside_the_thigh_of_another_does_not_sit(body):
+    one = alone(body)
+    apart = torch.tensor([0.0, 0.0, 0.15])
+    given = replace(
+        one,
+        vertices=torch.cat([one.vertices, one.vertices + apart]),
+        joints=torch.cat([one.joints, one.joints + apart]),
+        rotations=one.rotations.expand(2, -1, -1, -1),
+        prior=one.prior.expand(2, -1),
+        observed=one.observed.expand(2, -1),
+        lifted_feet=one.lifted_feet.expand(2, -1),
+    )
+    found = solve_contact(given, replace(engine_preset("default").contact, skin_threshold=0.0))
+    thighs = torch.cat([body.contact_sets["thighs"], body.contact_sets["gluteus"]])
+    touched = {found.partners[number].kind for number in found.partner[:, thighs].unique().tolist() if number >= 0}
+    assert "person" in touched
+    for support in found.supports:
+        on_people = {one.part for one in support.contacts if one.partner.kind == "person"}
+        assert not on_people & {"seat", "left_upper_leg", "right_upper_leg"}

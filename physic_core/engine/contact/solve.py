@@ -17,7 +17,8 @@ from physic_core.engine.contact.regions import contact_regions
 from physic_core.engine.contact.support import ContactEvidence, PersonSupport, PosedPerson, find_support, support_record
 from physic_core.types.skeletons import SIDES
 
-_OWN_BODY, _OBJECT = KINDS.index("own body"), KINDS.index("object")
+_PERSON, _OWN_BODY, _OBJECT = (KINDS.index(kind) for kind in ("person", "own body", "object"))
+_BEARS = 0.3  # cosine between up and the skin of another person; above it, a person can sit or stand there
 
 
 def solve_contact(given: ContactInput, method: ContactMethod) -> ContactResult:
@@ -32,7 +33,9 @@ def _find_supports(
     given: ContactInput, near: Distances, touch: Touch, method: ContactMethod
 ) -> tuple[PersonSupport | None, ...]:
     """Return the support of each person; None for people with non-finite vertices."""
-    outward = (touch.kind >= 0) & (touch.kind != _OWN_BODY) & (touch.kind != _OBJECT)
+    beneath = near.normals[near.people.person, near.people.vertex] @ given.up
+    beside = (touch.kind == _PERSON) & (beneath < _BEARS)  # a neighbour's thigh carries nobody, a lap does
+    outward = (touch.kind >= 0) & (touch.kind != _OWN_BODY) & (touch.kind != _OBJECT) & ~beside
     seen = given.seen
     found: list[PersonSupport | None] = []
     for i, finite in enumerate(given.finite.tolist()):
