@@ -37,7 +37,7 @@ def test_vertices_and_textures_have_the_photo_s_colour_where_it_shows_them_and_g
         mesh = person.mesh()
         away = (mesh.vertex_normals * mesh.vertices).sum(1) / np.linalg.norm(mesh.vertices, axis=1)
         near = saturation(dressed.colors[index])
-        assert 0.1 < dressed.shown[index] < 0.55
+        assert 0.1 < dressed.shown[index] < (away < 0).mean()  # no photo shows what faces away
         assert (np.abs(dressed.colors[index].astype(int) - PINK).max(1) < 3).mean() > 0.1
         far = np.linalg.norm(mesh.vertices - mesh.vertices[near > 100][:, None], axis=-1).min(0) > FADE_M
         assert (far & (away > 0)).sum() > 100

@@ -20,6 +20,7 @@ from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
 from physic_core.visual.glb import skin_influences
 from physic_core.visual.palette import contact_legend
+from physic_core.visual.textures.dressed import dressed_bodies
 
 DTYPES = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
@@ -103,10 +104,13 @@ def test_contact_is_an_attribute_and_no_colour(tree, result: Reconstruction):
     assert "no_skeleton" not in tree.scenes[0].extras
 
 
-def test_the_combined_file_shows_people_in_the_photo_s_colours_with_two_other_skins(saved_pair: Path):
+def test_the_combined_file_shows_people_in_the_photo_s_colours_with_two_other_skins(
+    saved_pair: Path, result: Reconstruction
+):
     tree = pytest.importorskip("pygltflib").GLTF2().load(str(saved_pair / "combined.glb"))
     variants = tree.extensions["KHR_materials_variants"]["variants"]
     assert [variant["name"] for variant in variants] == ["photo", "neutral", "contact"]
+    shown = dressed_bodies(result).shown
     for index in (0, 1):
         primitive = tree.meshes[named(tree, f"person_{index}")[1].mesh].primitives[0]
         photo, neutral, contact = (
@@ -116,7 +120,7 @@ def test_the_combined_file_shows_people_in_the_photo_s_colours_with_two_other_sk
         assert "KHR_materials_unlit" in photo.extensions
         assert photo.pbrMetallicRoughness.baseColorTexture.index != contact.pbrMetallicRoughness.baseColorTexture.index
         assert neutral.pbrMetallicRoughness.baseColorTexture is None
-        assert 0.1 < photo.extras["share_from_photo"] < 0.55
+        assert photo.extras["share_from_photo"] == pytest.approx(shown[index], abs=1e-4)
     assert tree.scenes[0].extras["colors_of_people"].startswith("those of the photo, and grey")
 
 
