@@ -58,10 +58,12 @@ def figures(*counts: dict) -> dict[str, float]:
 def test_the_truth_is_perfect(name):
     world = build_world(name, 0, SIZE)
     contacts = true_contacts(world)
-    found = figures(*(counted(world, contacts, i) for i in range(len(world.masks))))
+    counts = [counted(world, contacts, i) for i in range(len(world.masks))]
+    found = figures(*counts)
     assert found["partner_accuracy"] == found["scene_contact_f1"] == 1
     assert found["brier"] == found["ece"] == found["ece_likely"] == 0
-    assert found["support_f1"] > 0.6  # hands on a ball are in contact and do not carry: 2/3 beside two feet
+    held = 2 * len(world.items)  # hands on a ball are in contact and do not carry
+    assert all((one["support_misses"], one["support_false_alarms"]) == (0, held) for one in counts)
     if world.items:
         assert found["item_recall"] > 0.9  # what touches the ball and the own body has one partner
     if len(world.masks) > 1:
