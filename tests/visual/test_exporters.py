@@ -144,12 +144,9 @@ def test_without_plugins_the_core_writes_glb(monkeypatch: pytest.MonkeyPatch, sa
 
 
 @pytest.mark.parametrize(("up", "axis"), [("y", 1), ("z", 2)])
-def test_frames_are_rigid_and_stand_on_the_floor(result: Reconstruction, up: str, axis: int):
+def test_frames_stand_on_the_floor(result: Reconstruction, up: str, axis: int):
     floor = result.scene.floor
     frame = export_frame(floor, up)
-    turn = frame.from_camera[:3, :3]
-    np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
-    assert np.linalg.det(turn) == pytest.approx(1)
     points = np.random.default_rng(0).normal(size=(5, 3))
     heights = points @ floor.normal + floor.offset
     np.testing.assert_allclose(transform_points(frame.from_camera, points)[:, axis], heights, atol=1e-6)

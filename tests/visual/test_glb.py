@@ -26,22 +26,12 @@ def tree_of(content: bytes) -> dict:
 
 
 def opened(content: bytes) -> trimesh.Scene:
-    scene = trimesh.load_scene(io.BytesIO(content), file_type="glb")
-    assert isinstance(scene, trimesh.Scene)
-    return scene
+    return trimesh.load_scene(io.BytesIO(content), file_type="glb")
 
 
 @pytest.fixture
 def content(reconstruction):
     return combined_glb(reconstruction)
-
-
-def test_a_level_camera_is_lifted_over_the_floor():
-    matrix = gltf_from_camera(Plane(np.array([0.0, -1.0, 0.0]), 1.5))
-    expected = np.diag([1.0, -1.0, -1.0, 1.0])
-    expected[1, 3] = 1.5
-    np.testing.assert_allclose(matrix, expected, atol=1e-15)
-    np.testing.assert_allclose(transform_points(matrix, np.array([[0.2, 1.5, 3.0]])), [[0.2, 0.0, -3.0]], atol=1e-15)
 
 
 direction = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.norm(v) > 0.1)
@@ -198,10 +188,6 @@ def test_the_scene_stands_in_the_same_frame_and_shows_its_colours(content, recon
     height, width = texture.shape[:2]
     pixel = texture[round((1 - v) * height - 0.5), round(u * width - 0.5)]
     np.testing.assert_allclose(pixel, [215, 120, 95], atol=12)
-
-
-def test_the_combined_file_holds_everything_by_name(content):
-    assert set(opened(content).geometry) == {"scene", "floor", "person_0", "person_1"}
 
 
 def test_bodies_that_no_model_gives_are_posed_meshes_and_the_combined_file_says_why(content, reconstruction, make):
