@@ -54,7 +54,6 @@ def test_a_border_is_found_also_in_a_jpeg(name: str) -> None:
     whole, inside = with_border(textured(240, 320), name)
     assert find_inside(whole) == inside
     found = find_inside(as_jpeg(whole))
-    assert found is not None
     for part, true in zip(found, inside, strict=True):
         assert (part.start, part.stop) == pytest.approx((true.start, true.stop), abs=1)
 
@@ -87,15 +86,12 @@ def test_the_users_pixels_are_those_of_the_whole_photo() -> None:
     given = PeoplePrompt(((x + 30.0, y + 60.0),), ((x + 5.0, y + 5.0, x + 95.0, y + 105.0),), mask)
     known = KnownSizes(lengths=(KnownLength((x + 1.0, y + 2.0), (x + 11.0, y + 2.0), 0.5),))
     prepared = prepare_photo(Photo(whole), PhotoSettings(focal_px=400), given, known)
-    assert prepared.people is not None
-    assert prepared.people.masks is not None
     assert prepared.people.points == ((30.0, 60.0),)
     assert prepared.people.boxes == ((5.0, 5.0, 95.0, 105.0),)
     assert prepared.people.masks[0, 50:90, 20:40].all()
     assert prepared.people.masks.sum() == mask.sum()
     assert prepared.known.lengths[0].start == (1.0, 2.0)
     camera = prepared.photo.intrinsics
-    assert camera is not None
     assert (camera.fx, camera.cx, camera.cy, camera.width, camera.height) == (400, 159.5, 119.5, 320, 240)
 
 
@@ -130,5 +126,4 @@ def test_a_large_photo_is_downscaled_by_the_picture_inside() -> None:
     prepared = prepare_photo(Photo(whole), PhotoSettings(max_side=320), None, None)
     height, width = prepared.photo.image.shape[:2]
     assert (width, height) == pytest.approx((320, 240), abs=2)
-    assert prepared.border is not None
     assert prepared.border.image.shape[:2] == pytest.approx((288, 384), abs=1)

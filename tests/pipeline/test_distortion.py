@@ -95,13 +95,3 @@ def test_a_result_states_the_lens_and_keeps_it(tmp_path) -> None:
     assert result.lens.intrinsics.fx == pytest.approx(world.intrinsics.fx)
     result.save(str(tmp_path / "out"), "numbers")
     assert result.load(str(tmp_path / "out")).lens == result.lens
-
-
-def test_an_off_centre_principal_point_is_kept_by_a_resize() -> None:
-    """As of a crop: the camera's axis is not in the middle of the picture."""
-    from physic_core.pipeline.prepared_photo import prepare_photo
-
-    photo = Photo(np.zeros((400, 800, 3), np.uint8))
-    settings = PhotoSettings(intrinsics=(900, 910, 95.5, 301.5), max_side=400)
-    camera = prepare_photo(photo, settings, None, None).photo.intrinsics
-    assert (camera.fx, camera.fy, camera.cx, camera.cy) == (450, 455, 47.5, 150.5)

@@ -11,42 +11,17 @@ import torch
 from physic_core import Pipeline, body, load_config, reconstruct
 from physic_core.adapters.inpainting import dilate
 from physic_core.configuration.model import PhotoSettings
-from physic_core.discovery.plugins import discover
-from physic_core.discovery.registry import BackendRecord, Registry
 from physic_core.engine.joint.problem import OtherView
-from physic_core.errors import BodyModelError, DeviceError, NoPersonError
+from physic_core.errors import BodyModelError, DeviceError
 from physic_core.io.photo import Photo
 from physic_core.pipeline.conversion import replace_hands
 from physic_core.pipeline.floor_choice import feet_pixels
 from physic_core.pipeline.prepared_photo import prepare_photo
-from physic_core.types import Bodies, Hands, Hints, Intrinsics, Keypoints, People, Reconstruction
+from physic_core.types import Hands, Hints, Intrinsics, Keypoints
 from physic_mock import backends
 from physic_testing.worlds import World
 
 pytestmark = pytest.mark.usefixtures("few_steps")
-
-
-def with_backend(kind: type, interface: str) -> Registry:
-    registry = discover()
-    registry.register(BackendRecord(interface, "wrong", kind, api=1))
-    return registry
-
-
-def run(world: World, kind: type, interface: str) -> Reconstruction:
-    config = load_config(preset="mock", overrides=[f"{interface}.backend=wrong"])
-    return reconstruct(world.image, config, registry=with_backend(kind, interface))
-
-
-def test_a_photo_without_people_is_an_error_if_people_are_required(world: World) -> None:
-    class Blind(backends.MockSegmenter):
-        def infer(self, image):
-            height, width = image.shape[:2]
-            none = np.zeros((0, 4), np.float32)
-            return People(np.zeros((0, height, width), bool), none, np.zeros(0, np.float32))
-
-    config = load_config(preset="mock", overrides=["segmenter.backend=wrong", "photo.require_people=true"])
-    with pytest.raises(NoPersonError, match=r"^no person was found in the photo of 160 x 120 px by segmenter 'wrong'"):
-        reconstruct(world.image, config, registry=with_backend(Blind, "segmenter"))
 
 
 def test_point_maps_get_the_photo_beside_the_inpainted_one(world: World) -> None:
@@ -57,7 +32,7 @@ def test_point_maps_get_the_photo_beside_the_inpainted_one(world: World) -> None
             calls.append((np.array_equal(image, world.image), hints))
             return super().infer(image, hints)
 
-    run(world, Looks, "relative_pointmap")
+    reconstruct(world.image, "mock", backends={"relative_pointmap": Looks})
     (same_first, first), (same_second, second) = calls
     assert (same_first, same_second) == (False, True)
     assert np.array_equal(first.photo, world.image)
@@ -91,7 +66,7 @@ def test_bodies_of_another_body_model(world: World) -> None:
             return replace(super().infer(*arguments), body_model="smplx")
 
     with pytest.raises(BodyModelError, match="'smplx', but the configuration loads 'embedded': set "):
-        run(world, Smplx, "body_estimator")
+        reconstruct(world.image, "mock", backends={"body_estimator": Smplx})
 
 
 def test_a_body_model_of_the_users_own_that_the_estimator_does_not_speak(world: World, monkeypatch) -> None:
@@ -161,6 +136,5 @@ def test_hands_replace_fingers_where_they_were_found(world: World) -> None:
     n = len(start)
     hands = Hands(np.full((n, 2, 15, 3), 0.25, np.float32), np.tile([[1.0, 0.0]], (n, 1)))
     merged = replace_hands(bodies, hands, body.load_body("embedded"))
-    assert isinstance(merged, Bodies)
     assert (merged.parameters.left_hand_pose == 0.25).all()
     assert (merged.parameters.right_hand_pose == bodies.parameters.right_hand_pose).all()

@@ -10,11 +10,8 @@ from physic_core.body import load_body
 from physic_core.metrics import pa_mpjpe_mm
 from physic_core.pipeline.floor_choice import feet_pixels
 from physic_core.types import SKELETONS, Keypoints, skeleton_named
-from physic_testing.conformance.true_keypoints import world_keypoints
 from physic_testing.worlds import World
 from tools.consistency import consistency
-
-SETS = [name for name in SKELETONS if "hand21" not in name]
 
 
 @pytest.mark.parametrize("skeleton", ["coco17", "halpe26", "coco_wholebody133"])
@@ -32,18 +29,6 @@ def test_the_mock_world_is_reconstructed_from(skeleton: str, world: World) -> No
     assert person.keypoints.shape == (len(SKELETONS[skeleton].names), 2)
     assert aligned[0] < 40
     assert apart < 150
-
-
-@pytest.mark.parametrize("skeleton", SETS)
-def test_a_worlds_truth_is_known_in(skeleton: str, world: World) -> None:
-    points, visible = world_keypoints(world, skeleton)
-    assert points.shape == (1, len(SKELETONS[skeleton].names), 2)
-    assert visible.shape == points.shape[:2]
-    coco, _ = world_keypoints(world, "coco23")
-    for row, name in enumerate(SKELETONS["coco23"].names):
-        if skeleton != "blazepose33" and name in SKELETONS[skeleton].names:
-            # Vertices of a world are kept in single precision.
-            assert np.allclose(points[0, SKELETONS[skeleton].names.index(name)], coco[0, row], atol=1e-2)
 
 
 @pytest.mark.parametrize(("skeleton", "soles"), [("coco_wholebody133", 6), ("halpe26", 6), ("coco17", 0)])
