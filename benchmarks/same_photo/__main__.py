@@ -1,0 +1,167 @@
+"""Measure how much the answer to a photo changes when the photo is mirrored, scaled, cropped, compressed or grey.
+
+    python -m benchmarks.same_photo DATA OUT [--variants mirror,scale] [--photos N] [--half development]
+
+Photos are drawn from the labelled ones of ``benchmarks.contact_on_photos`` with at most four people. Those of half
+"development" serve to choose between versions of the code, those of half "held" to report them. "K" is a camera that is
+given: that of the photo's own result, and for a crop that camera shifted.
+
+OUT/answers keeps what is compared of each result; an interrupted run continues. After a change of the code give
+another OUT, and ``--cache OUT/cache`` of the earlier run: it keeps the outputs of the networks. A row is a variant, a
+pair of numbers the median and the 90th percentile; three numbers are the median, the 90th and the 95th percentile.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import math
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from benchmarks.contact_on_photos import samples_of
+from benchmarks.kept_results import kept
+from benchmarks.truth.sets import Sample, picture_of
+from physic_core.metrics import aligned_table, markdown_table
+
+from .changes import Change, change, table
+from .variants import PHOTO, PHOTO_K, VARIANTS, Answer, Picture, Variant, answer_of, no_answer
+
+if TYPE_CHECKING:
+    from physic_core import Pipeline
+
+MOST_PEOPLE = 4
+"""Labelled people of a photo: a crowd would count more than all other photos."""
+
+HALVES = ("development", "held")
+
+
+def main() -> int:
+    """Run what is missing and print the table."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.same_photo",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("data", type=Path, help="folder with contact and photos")
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--variants", default="", help="names of variants without their K; all if empty")
+    parser.add_argument("--photos", type=int, default=30, help="number of photos; fewer are the first of more")
+    parser.add_argument("--seed", type=int, default=0, help="of the draw of photos")
+    parser.add_argument("--half", choices=HALVES, help="only photos of this half; all if not given")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="setting that differs")
+    parser.add_argument("--cache", type=Path, help="folder of the networks' outputs; OUT/cache if not given")
+    parser.add_argument("--worst", type=int, default=5, help="number of changes of distance to list")
+    given = parser.parse_args()
+    samples = drawn(samples_of(given.data, 0), given.photos, given.seed)
+    samples = [sample for sample in samples if given.half in (None, half_of(sample.name))]
+    names = [name for name in given.variants.split(",") if name]
+    variants = [variant for variant in VARIANTS if not names or variant.name.removesuffix(", K") in names]
+    if unknown := set(names) - {variant.name.removesuffix(", K") for variant in VARIANTS}:
+        parser.error(f"there is no variant {', '.join(sorted(unknown))}")
+    cache = given.cache or given.out / "cache"
+    os.environ["PHYSIC_CACHE"] = str(cache.resolve())
+    changes: dict[str, dict[str, Change]] = {variant.name: {} for variant in variants}
+    with embedded_pipeline(given.set) as pipeline:
+        for number, sample in enumerate(samples, 1):
+            folder = given.out / "answers" / sample.name
+            found = changes_of(picture_of(sample)[..., ::-1], variants, folder, pipeline)
+            for variant in variants:
+                changes[variant.name][sample.name] = found[variant.name]
+            keep_networks_only(cache)
+            print(f"[{number}/{len(samples)}] {half_of(sample.name)} {sample.name}", file=sys.stderr, flush=True)
+    print(markdown_table(table({name: list(photos.values()) for name, photos in changes.items()})))
+    print("\n" + worst_of(changes, given.worst))
+    return 0
+
+
+def drawn(samples: Sequence[Sample], count: int, seed: int) -> list[Sample]:
+    """Return the first of the photos of few people, in an order that depends on their names and the seed alone."""
+    chosen = [sample for sample in samples if 1 <= len(sample.truth["people"]) <= MOST_PEOPLE]
+    return sorted(chosen, key=lambda sample: _digest(f"{seed} {sample.name}"))[:count]
+
+
+def half_of(name: str) -> str:
+    """Return the half of a photo."""
+    return HALVES[_digest(name)[0] % 2]
+
+
+def _digest(text: str) -> bytes:
+    return hashlib.sha256(text.encode()).digest()
+
+
+def embedded_pipeline(overrides: Sequence[str] = ()) -> Pipeline:
+    """Return the pipeline of preset "embedded" with a cache for the outputs of networks on many photos."""
+    from physic_core import Pipeline, load_config
+
+    return Pipeline(load_config(preset="embedded", overrides=["run.cache_mb=100000", *overrides]))
+
+
+def changes_of(picture: Picture, variants: Sequence[Variant], folder: Path, pipeline: Pipeline) -> dict[str, Change]:
+    """Return the change by each variant of a photo (H, W, 3) RGB; run those of which the folder has no answer."""
+    folder.mkdir(parents=True, exist_ok=True)
+    changes = {}
+    for variant in variants:
+        photo = kept_answer(picture, PHOTO_K if variant.known else PHOTO, folder, pipeline)
+        changes[variant.name] = change(photo, kept_answer(picture, variant, folder, pipeline))
+    return changes
+
+
+def kept_answer(picture: Picture, variant: Variant, folder: Path, pipeline: Pipeline) -> Answer:
+    """Return the answer to a variant of a photo (H, W, 3) RGB, from the file of an earlier run if there is one."""
+    from physic_core import Intrinsics
+    from physic_core.errors import PhysicError
+    from physic_core.types import CameraTrust
+
+    height, width = picture.shape[:2]
+
+    def make() -> Answer:
+        camera = None
+        if variant.known:
+            focal = kept_answer(picture, PHOTO, folder, pipeline).focal
+            camera = variant.camera(Intrinsics.from_focal(focal, width, height, trust=CameraTrust.KNOWN))
+        try:
+            return answer_of(pipeline(variant.picture(picture), intrinsics=camera), variant, width, height)
+        except PhysicError as error:
+            print(f"{folder.name}, {variant.name}: {error}", file=sys.stderr)
+            return no_answer(variant, width, height)
+
+    found: Answer = kept(folder / f"{variant.name}.pickle", make)
+    return found
+
+
+def keep_networks_only(cache: Path) -> None:
+    """Delete what backends made of the outputs of networks: any change of the code makes it anew."""
+    for file in (cache / "results").glob("*.npz"):
+        if not file.name.startswith("network-"):
+            file.unlink(missing_ok=True)
+
+
+def worst_of(changes: Mapping[str, Mapping[str, Change]], count: int) -> str:
+    """Return the largest changes of a distance as lines, with what else changed."""
+    rows = [
+        (person, found, variant, photo)
+        for variant, photos in changes.items()
+        for photo, found in photos.items()
+        for person in found.people
+        if math.isfinite(person.distance)
+    ]
+    rows.sort(key=lambda row: -abs(row[0].distance))
+    logarithms = [(p.distance, p.stature, c.scene, c.focal, c.floor_height) for p, c, _, _ in rows[:count]]
+    ratios = [[f"{math.exp(value):.2f}" for value in row] for row in logarithms]
+    return aligned_table(
+        [
+            ("photo", "variant", "distance", "stature", "scene", "focal", "floor height", "floor deg", "grades"),
+            *(
+                (photo, variant, *ratio, f"{found.floor_deg:.1f}", " ".join(str(g) for g in person.grades))
+                for (person, found, variant, photo), ratio in zip(rows, ratios, strict=False)
+            ),
+        ]
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,180 @@
+"""Changes between the answer to a photo and the answer to its variant, and their table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.metrics import match_by_masks
+
+if TYPE_CHECKING:
+    from .variants import Answer, SeenPerson
+
+LEAST_VISIBLE = 0.5
+"""Share of a person that a variant must show so that the person counts."""
+
+UNSURE = 0.1, 0.9
+"""Probabilities between which a body part counts as unsure."""
+
+COLUMNS = (
+    *("people", "lost or new %", "distance %", "distance / sigma", "sigma %", "stature %", "scene %", "focal %"),
+    *("focal / sigma", "floor deg", "floor height %", "floor lost or new %", "parts", "unsure parts cross %"),
+    *("support %", "grade %", "good <-> bad"),
+)
+"""Of the table. "distance %", say, is the median and the 90th percentile, "distance / sigma" also the 95th."""
+
+
+@dataclass(frozen=True)
+class PersonChange:
+    """Change of one person.
+
+    Attributes:
+        distance: logarithm of the ratio of the distances.
+        sigmas: the same over the stated sigma; NaN if none is stated.
+        stature: logarithm of the ratio of the statures.
+        parts: probabilities of each body part in both answers.
+        supports: states in both answers.
+        grades: in both answers.
+    """
+
+    distance: float
+    sigmas: float
+    stature: float
+    parts: tuple[tuple[float, float], ...]
+    supports: tuple[str | None, str | None]
+    grades: tuple[str | None, str | None]
+
+
+@dataclass(frozen=True)
+class Change:
+    """Change of an answer; NaN for what one of the answers lacks.
+
+    Attributes:
+        people: who are in both answers.
+        visible: number of people of the photo of whom the variant shows enough.
+        lost: of these, people whom the variant's answer lacks.
+        new: people of the variant's answer whom the photo's answer lacks.
+        sigma: stated sigma of distances, of both answers together.
+        scene: logarithm of the median ratio of the depths.
+        focal: logarithm of the ratio of the focal lengths.
+        focal_sigmas: the same over the stated sigma; NaN if the camera was given.
+        floor_deg: angle between the floors.
+        floor_height: logarithm of the ratio of the heights of the camera.
+        floor_lost: whether one of the answers alone has a floor.
+    """
+
+    people: tuple[PersonChange, ...]
+    visible: int
+    lost: int
+    new: int
+    sigma: float
+    scene: float
+    focal: float
+    focal_sigmas: float
+    floor_deg: float
+    floor_height: float
+    floor_lost: bool
+
+
+def change(photo: Answer, variant: Answer) -> Change:
+    """Compare the answer to a photo with that to its variant."""
+    seen = [p for p in photo.people if (p.mask & variant.inside).sum() >= max(1, LEAST_VISIBLE * p.mask.sum())]
+    cut = [person.mask & variant.inside for person in seen]
+    matched = match_by_masks(_stack([person.mask for person in variant.people], photo), _stack(cut, photo))
+    pairs = [(seen[i], variant.people[j]) for i, j in matched.predicted_of.items()]
+    sigma = _common(photo.distance_sigma, variant.distance_sigma)
+    focal = math.log(variant.focal / photo.focal)
+    both = np.isfinite(photo.depth) & np.isfinite(variant.depth)
+    angle = height = math.nan
+    if photo.floor is not None and variant.floor is not None:
+        sine, cosine = np.linalg.norm(np.cross(photo.floor[:3], variant.floor[:3])), photo.floor[:3] @ variant.floor[:3]
+        angle = math.degrees(math.atan2(sine, cosine))
+        height = math.log(variant.floor[3] / photo.floor[3])
+    return Change(
+        people=tuple(_person_change(one, other, sigma) for one, other in pairs),
+        visible=len(seen),
+        lost=len(matched.missed),
+        new=len(matched.false_alarms),
+        sigma=sigma,
+        scene=float(np.log(np.median(variant.depth[both] / photo.depth[both]))) if both.any() else math.nan,
+        focal=focal,
+        focal_sigmas=focal / _common(photo.focal_sigma, variant.focal_sigma),
+        floor_deg=angle,
+        floor_height=height,
+        floor_lost=(photo.floor is None) != (variant.floor is None),
+    )
+
+
+def _person_change(photo: SeenPerson, variant: SeenPerson, sigma: float) -> PersonChange:
+    distance = math.log(variant.distance / photo.distance)
+    return PersonChange(
+        distance=distance,
+        sigmas=distance / sigma,
+        stature=math.log(variant.stature / photo.stature),
+        parts=tuple((p, variant.parts[part]) for part, p in photo.parts.items() if part in variant.parts),
+        supports=(photo.support, variant.support),
+        grades=(photo.grade, variant.grade),
+    )
+
+
+def _stack(masks: Sequence[np.ndarray], photo: Answer) -> np.ndarray:
+    return np.array(masks, bool).reshape(-1, *photo.inside.shape)
+
+
+def _common(one: float | None, other: float | None) -> float:
+    """Return the root mean square of two sigmas; NaN without one of them."""
+    return math.nan if not one or not other else math.hypot(one, other) / math.sqrt(2)
+
+
+def table(changes: Mapping[str, Sequence[Change]]) -> list[list[str]]:
+    """Return the header and one row for each variant: variant -> changes of photos."""
+    return [["variant", *COLUMNS], *([name, *_row(found)] for name, found in changes.items())]
+
+
+def _row(changes: Sequence[Change]) -> list[str]:
+    people = [person for one in changes for person in one.people]
+    parts = np.array([pair for person in people for pair in person.parts]).reshape(-1, 2)
+    unsure = ((parts >= UNSURE[0]) & (parts <= UNSURE[1])).any(-1)
+    crosses = (parts[:, 0] >= 0.5) != (parts[:, 1] >= 0.5)
+    visible = sum(one.visible for one in changes)
+    return [
+        str(len(people)),
+        _percent(sum(one.lost + one.new for one in changes), visible),
+        _spread((p.distance for p in people), _as_percent),
+        _spread((p.sigmas for p in people), None, (50, 90, 95)),
+        _spread((one.sigma for one in changes), _as_percent),
+        _spread((p.stature for p in people), _as_percent),
+        _spread((one.scene for one in changes), _as_percent),
+        _spread((one.focal for one in changes), _as_percent),
+        _spread((one.focal_sigmas for one in changes), None, (50, 90, 95)),
+        _spread(one.floor_deg for one in changes),
+        _spread((one.floor_height for one in changes), _as_percent),
+        _percent(sum(one.floor_lost for one in changes), len(changes)),
+        f"{np.abs(parts[:, 0] - parts[:, 1]).mean():.3f}" if len(parts) else "-",
+        _percent(int((crosses & unsure).sum()), int(unsure.sum())),
+        _percent(sum(len(set(p.supports)) > 1 for p in people), len(people)),
+        _percent(sum(len(set(p.grades)) > 1 for p in people), len(people)),
+        str(sum(set(p.grades) == {"good", "bad"} for p in people)),
+    ]
+
+
+def _as_percent(logarithm: float) -> float:
+    return 100 * math.expm1(logarithm)
+
+
+def _percent(count: int, total: int) -> str:
+    return f"{100 * count / total:.0f}" if total else "-"
+
+
+def _spread(
+    values: Iterable[float], unit: Callable[[float], float] | None = None, percentiles: Sequence[float] = (50, 90)
+) -> str:
+    """Return percentiles of the absolute values that are known."""
+    known = [abs(value) for value in values if math.isfinite(value)]
+    if not known:
+        return "-"
+    return "; ".join(f"{unit(v) if unit else v:.2g}" for v in np.percentile(known, percentiles))

@@ -1,0 +1,150 @@
+"""``benchmarks/same_photo``: known answers come out as these changes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.same_photo.__main__ import drawn, half_of
+from benchmarks.same_photo.changes import change, table
+from benchmarks.same_photo.variants import PHOTO, VARIANTS, Answer, Variant, answer_of
+from benchmarks.truth.sets import Sample
+from physic_core.body import load_body
+from physic_core.body.parameters import parameters_from_rotations
+from physic_core.types import Intrinsics, Person, Plane, Reconstruction, Scene, Support
+
+WIDTH, HEIGHT = 640, 480
+CAMERA = replace(Intrinsics.from_focal(600.0, WIDTH, HEIGHT), focal_sigma=0.2)
+BY_NAME = {variant.name: variant for variant in VARIANTS}
+
+
+def result(mirrored: bool = False) -> Reconstruction:
+    """A person at the left and 4 m away, with a left foot on a floor that leans to the right."""
+    model = load_body("embedded")
+    rotations, betas, transl = model.zero_pose()
+    sign = -1 if mirrored else 1
+    mask = np.zeros((HEIGHT, WIDTH), bool)
+    mask[100:400, 50:200] = True
+    ramp = np.broadcast_to(np.linspace(2, 6, WIDTH), (HEIGHT, WIDTH))
+    points = np.zeros((HEIGHT, WIDTH, 3), np.float32)
+    points[..., 2] = ramp
+    if mirrored:
+        mask, points = mask[:, ::-1], points[:, ::-1]
+    normal = np.array([sign * 0.1, -1, -0.2])
+    joints = np.tile(np.array([sign * -1.0, 0.2, 4.0], np.float32), (55, 1))
+    person = Person(
+        box=np.array([50, 100, 200, 400], np.float32),
+        score=0.9,
+        mask=mask,
+        keypoints=np.zeros((17, 2)),
+        keypoint_confidence=np.ones(17),
+        parameters=parameters_from_rotations(rotations, betas, rotations.new_zeros(1, 0), transl),
+        vertices=np.zeros((10, 3), np.float32),
+        joints=joints,
+        contact=np.zeros(10, bool),
+        distance=np.zeros(10),
+        world_contact={"left_foot": 0.9, "right_foot": 0.3, "seat": 0.2}
+        if not mirrored
+        else {"right_foot": 0.9, "left_foot": 0.3, "seat": 0.2},
+        support=Support("balanced", (), None, (0.0, 0.0, 0.0)),
+        stature=1.7,
+    )
+    nothing = np.zeros((HEIGHT, WIDTH, 3), np.float32)
+    image = nothing.astype(np.uint8)
+    valid = np.ones((HEIGHT, WIDTH), bool)
+    floor = Plane(normal / np.linalg.norm(normal), 1.5)
+    scene = Scene(points, nothing, image, valid, floor, np.zeros((0, 3)), scale_sigma=0.1)
+    return Reconstruction(image, CAMERA, scene, (person,), np.zeros((0, 3), np.int32), "embedded", "coco17")
+
+
+def answer() -> Answer:
+    return answer_of(result(), PHOTO, WIDTH, HEIGHT)
+
+
+def test_the_mirrored_result_of_a_mirrored_photo_is_no_change() -> None:
+    found = change(answer(), answer_of(result(mirrored=True), BY_NAME["mirror"], WIDTH, HEIGHT))
+    assert (found.visible, found.lost, found.new, len(found.people)) == (1, 0, 0, 1)
+    numbers = [found.scene, found.focal, found.focal_sigmas, found.floor_deg, found.floor_height]
+    assert numbers == pytest.approx([0] * 5, abs=1e-6)
+    (person,) = found.people
+    assert [person.distance, person.sigmas, person.stature] == pytest.approx([0] * 3, abs=1e-6)
+    assert all(one == other for one, other in person.parts)
+
+
+def test_a_result_that_is_not_mirrored_is_another_person_on_another_floor() -> None:
+    found = change(answer(), answer_of(result(), BY_NAME["mirror"], WIDTH, HEIGHT))
+    assert (found.lost, found.new) == (1, 1)
+    assert found.floor_deg == pytest.approx(2 * math.degrees(math.atan2(0.1, math.hypot(1, 0.2))), rel=1e-6)
+
+
+def test_what_is_changed_by_hand_is_measured() -> None:
+    one = answer()
+    (person,) = one.people
+    parts = {"left_foot": 0.4, "right_foot": 0.3, "seat": 0.05}
+    moved = replace(person, distance=1.1 * person.distance, stature=1.05 * person.stature, parts=parts, grade="bad")
+    other = replace(
+        one, people=(moved,), focal=1.2 * one.focal, depth=0.9 * one.depth, floor=one.floor * [1, 1, 1, 2], notes=()
+    )
+    found = change(replace(one, people=(replace(person, grade="good"),)), other)
+    assert np.exp([found.scene, found.focal, found.floor_height]) == pytest.approx([0.9, 1.2, 2], rel=1e-6)
+    assert found.focal_sigmas == pytest.approx(math.log(1.2) / 0.2)
+    assert np.exp(found.people[0].distance) == pytest.approx(1.1)
+    assert found.people[0].sigmas == pytest.approx(math.log(1.1) / math.hypot(0.1, 0.2))
+    row = dict(zip(*table({"changed": [found]}), strict=True))
+    assert row["distance %"] == "10; 10"
+    assert row["parts"] == f"{(0.5 + 0.15) / 3:.3f}"
+    assert row["unsure parts cross %"] == "33"  # the left foot, of three
+    assert (row["grade %"], row["support %"], row["good <-> bad"]) == ("100", "0", "1")
+
+
+@pytest.mark.parametrize("name", ["crop8", "column", "scale"])
+def test_the_part_of_a_result_that_a_variant_shows_is_no_change(name: str) -> None:
+    variant, whole = BY_NAME[name], result()
+    left, top, right, bottom = variant.window(WIDTH, HEIGHT)
+    inside = slice(top, bottom), slice(left, right)
+    scene = replace(whole.scene, points=whole.scene.points[inside], valid=whole.scene.valid[inside])
+    people = tuple(replace(person, mask=person.mask[inside]) for person in whole.people)
+    camera = variant.camera(CAMERA)
+    found = change(
+        answer(), answer_of(replace(whole, intrinsics=camera, scene=scene, people=people), variant, WIDTH, HEIGHT)
+    )
+    assert (found.visible, found.lost, found.new) == (1, 0, 0)
+    assert found.scene == pytest.approx(0, abs=2e-3)  # depths are read at the nearest pixels
+    assert found.focal == pytest.approx(0, abs=2e-3)  # the scaled sides are whole pixels
+
+
+def test_a_person_whom_a_crop_cuts_off_is_not_missed() -> None:
+    variant = Variant("left half gone", margin=0.4)
+    found = change(answer(), replace(answer_of(result(), variant, WIDTH, HEIGHT), people=()))
+    assert (found.visible, found.lost, found.new) == (0, 0, 0)
+
+
+@pytest.mark.parametrize("variant", VARIANTS, ids=lambda variant: variant.name)
+def test_a_pixel_lies_on_the_same_ray_in_photo_and_variant(variant: Variant) -> None:
+    camera = Intrinsics(600.0, 600.0, 330.0, 230.0, WIDTH, HEIGHT)
+    photo = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    photo[200:260, 400:500] = 255
+    own = variant.camera(camera)
+    picture = variant.picture(photo)
+    assert picture.shape[:2] == (own.height, own.width)
+
+    def ray(image: Any, of: Intrinsics) -> Any:
+        rows, columns = np.nonzero(image[..., 0] > 127)
+        x = (columns.mean() - of.cx) / of.fx
+        return [-x if variant.mirrored and of is own else x, (rows.mean() - of.cy) / of.fy]
+
+    assert ray(picture, own) == pytest.approx(ray(photo, camera), abs=1e-3)
+
+
+def test_photos_are_drawn_by_name_and_few_are_the_first_of_more() -> None:
+    samples = [Sample("", f"{number}", "", Path(), truth={"people": [{}] * (number % 7)}) for number in range(40)]
+    more, fewer = ([sample.name for sample in drawn(samples, count, seed=3)] for count in (12, 5))
+    assert more[:5] == fewer
+    assert more != [sample.name for sample in drawn(samples, 12, seed=4)]
+    assert {int(name) % 7 for name in more} <= {1, 2, 3, 4}
+    assert {half_of(name) for name in more} == {"development", "held"}
