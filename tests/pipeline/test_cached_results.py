@@ -246,19 +246,6 @@ def test_the_config_bounds_what_is_kept(warm: Path, counts: Counts, photo: Path)
     assert min(path.stat().st_mtime for path in left) > 9
 
 
-def test_a_damaged_cache_entry_is_computed_again_with_a_note(first, warm: Path, counts: Counts, photo: Path) -> None:
-    (file,) = warm.glob("metric_depth-*")
-    file.write_bytes(file.read_bytes()[:-99])
-    result = reconstruct(read_photo(photo).image, "mock")
-    assert counts.asked == Counter(["metric_depth"])
-    assert result.notes[:-1] == first[1].notes
-    assert result.notes[-1].startswith(f"discarded a damaged cache file, and computed its result again: {file} (")
-    np.testing.assert_array_equal(result.people[0].vertices, first[1].people[0].vertices)
-    counts.asked.clear()
-    assert reconstruct(read_photo(photo).image, "mock").notes == first[1].notes
-    assert counts.asked == Counter()
-
-
 def test_where_memory_is_short_one_backend_is_open_at_a_time(
     first, counts: Counts, photo: Path, tmp_path: Path
 ) -> None:

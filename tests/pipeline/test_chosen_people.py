@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 
 from physic_core import load_config, reconstruct
-from physic_core.discovery.plugins import discover
-from physic_core.discovery.registry import BackendRecord
 from physic_core.errors import BackendOutputError, ConfigError, InputError, NoPersonError
 from physic_core.interfaces import SegmenterRequest
 from physic_core.pipeline.chosen_people import person_at_point, select_chosen
@@ -61,7 +59,6 @@ def test_a_given_mask_is_kept_as_it_is_and_takes_pixels_of_others(people: People
     chosen = select_chosen(people, PeoplePrompt(points=((65, 20),), masks=mine[None]))
     assert np.array_equal(chosen.masks, np.stack([rectangle(60, 10, 70, 50), mine]))
     assert chosen.boxes.tolist() == [[60, 10, 70, 50], [70, 10, 100, 60]]
-    assert chosen.floor is not None
     assert np.array_equal(chosen.floor, rectangle(0, 50, 70, 60))
     assert chosen.keypoints is None  # nobody was found where the mask is
     found = select_chosen(people, PeoplePrompt(masks=rectangle(60, 10, 78, 50)[None]))
@@ -97,27 +94,23 @@ class Disobedient(Prompted):
 
 @pytest.mark.parametrize("kind", [backends.MockSegmenter, Prompted])
 def test_a_run_reconstructs_the_chosen_person(world: World, kind: type) -> None:
-    registry = discover()
-    registry.register(BackendRecord("segmenter", "own", kind, api=1))
-    config = load_config(preset="mock", overrides=["segmenter.backend=own"])
     y, x = np.argwhere(world.masks[0])[len(np.argwhere(world.masks[0])) // 2]
-    result = reconstruct(world.image, config, registry=registry, people=PeoplePrompt(points=((x, y),)))
+    own = {"segmenter": kind}
+    result = reconstruct(world.image, "mock", backends=own, people=PeoplePrompt(points=((x, y),)))
     assert [bool(person.mask[y, x]) for person in result.people] == [True]
     with pytest.raises(NoPersonError, match=r"no person was found at point 1 \(1, 1\)"):
-        reconstruct(world.image, config, registry=registry, people=PeoplePrompt(points=((1, 1),)))
-    by_config = load_config(preset="mock", overrides=["segmenter.backend=own", "photo.person=[[1, 1]]"])
+        reconstruct(world.image, "mock", backends=own, people=PeoplePrompt(points=((1, 1),)))
+    by_config = load_config(preset="mock", overrides=["photo.person=[[1, 1]]"])
     with pytest.raises(NoPersonError, match=r"no person was found at point 1 \(1, 1\)"):
-        reconstruct(world.image, by_config, registry=registry)
+        reconstruct(world.image, by_config, backends=own)
     with pytest.raises(InputError, match=r"point 1 \(9999, 1\) lies outside the upright photo"):
-        reconstruct(world.image, config, registry=registry, people=PeoplePrompt(points=((9999, 1),)))
+        reconstruct(world.image, "mock", backends=own, people=PeoplePrompt(points=((9999, 1),)))
 
 
 def test_a_segmenter_that_takes_prompts_has_to_obey_them(world: World) -> None:
-    registry = discover()
-    registry.register(BackendRecord("segmenter", "own", Disobedient, api=1))
-    config = load_config(preset="mock", overrides=["segmenter.backend=own"])
+    prompt = PeoplePrompt(points=((1, 1),))
     with pytest.raises(BackendOutputError, match="one person per prompt is needed, 1 in all, got 0"):
-        reconstruct(world.image, config, registry=registry, people=PeoplePrompt(points=((1, 1),)))
+        reconstruct(world.image, "mock", backends={"segmenter": Disobedient}, people=prompt)
 
 
 def test_the_prompt_is_an_argument_of_infer_only_if_there_is_one() -> None:

@@ -13,7 +13,7 @@ from physic_core.body.parameters import parameters_from_rotations
 from physic_core.pipeline.known_people import resize_children
 from physic_core.types import Bodies
 from physic_core.types.known_sizes import KnownPeople
-from physic_testing.worlds import build_world
+from physic_testing.worlds import World, build_world
 
 NAN = np.nan
 
@@ -67,14 +67,19 @@ def test_adults_and_people_without_a_body_keep_what_they_have():
     assert not notes
 
 
+def place_of_child(world: World) -> int:
+    """Count people from the left up to the child."""
+    order = np.argsort(world.boxes[:, 0] + world.boxes[:, 2])
+    return int(np.isfinite(world.ages[order]).argmax())
+
+
 @pytest.mark.parametrize("who", ["child", "adult"])
 def test_the_age_of_a_child_is_contradicted_by_the_adult_beside_it(who):
-    world = build_world("child_by_the_hand", 8, (160, 120))  # of four years
-    order = np.argsort(world.boxes[:, 0] + world.boxes[:, 2])
-    child = int(np.isfinite(world.ages[order]).argmax())
+    world = build_world("child_by_the_hand", 8, (160, 120))
+    child = place_of_child(world)
     chosen = child if who == "child" else 1 - child
     given = [0.0, 0.0]
-    given[chosen] = float(world.ages[order][child])
+    given[chosen] = float(np.nanmax(world.ages))  # four years
     config = load_config(preset="mock", overrides=("run.cache=false",))
     result = reconstruct(world.image, config, known=KnownSizes(age=tuple(given)))
     (check,) = (check for check in result.checks if check.name == "given_size")
@@ -88,8 +93,7 @@ def test_the_age_of_a_child_is_contradicted_by_the_adult_beside_it(who):
 
 def test_a_given_age_gives_the_stature_and_is_in_the_saved_result(tmp_path):
     world = build_world("child_by_the_hand", 1, (160, 120))
-    order = np.argsort(world.boxes[:, 0] + world.boxes[:, 2])
-    child = int(np.isfinite(world.ages[order]).argmax())
+    child = place_of_child(world)
     given = [0.0, 0.0]
     given[child] = 4.0
     quick = load_config(preset="mock", overrides=("run.cache=false", "engine.joint.optimiser.steps=5"))

@@ -113,21 +113,6 @@ def test_every_kind_of_photo_gives_the_same_result(photo: Path, world: World, re
     assert found.photo == photos["path"].digest
 
 
-@pytest.mark.parametrize(
-    ("photo", "message"),
-    [
-        (b"GIF99", "cannot read the photo of 5 bytes: it is not an image, or of an unknown kind; give a JPEG, PNG"),
-        ("gone.jpg", "cannot read the photo gone.jpg: there is no such file; check the path"),
-        (Image.new("F", (80, 80)), "cannot use the photo given as a PIL image: its pixels are floating point"),
-        (3, "image must be a numpy array (H, W, 3) of uint8 RGB, got int: give a path, the bytes of a file"),
-    ],
-    ids=["bytes", "path", "PIL", "number"],
-)  # fmt: skip
-def test_a_photo_that_cannot_be_read(photo: Any, message: str):
-    with pytest.raises(InputError, match=re.escape(message)):
-        reconstruct(photo, "mock")
-
-
 def test_an_error_names_the_photo(photo: Path):
     class Blind(backends.MockSegmenter):
         def infer(self, image):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,14 +12,10 @@ from physic_core import load_config, reconstruct
 from physic_core.body import load_body
 from physic_core.body.convert.bodies import rest_mesh_of_model
 from physic_core.body.parameters import rotations_from_parameters
-from physic_core.cache.stored_results import canonicalize
-from physic_core.discovery.plugins import discover
-from physic_core.discovery.registry import BackendRecord
 from physic_core.errors import BodyModelError
-from physic_core.files.plain import read_value, split, write_value
 from physic_core.interfaces import BodyEstimator
 from physic_core.pipeline.invalid_results import discard_invalid_bodies
-from physic_core.types import Bodies, BodyParameters, ContactProbability, Hands, Mesh, Reconstruction, RestMesh
+from physic_core.types import Bodies, BodyParameters, ContactProbability, Mesh, RestMesh
 from physic_mock import backends
 from physic_testing import violations
 from physic_testing.worlds import World
@@ -40,14 +35,6 @@ def bodies(people: int = 2) -> Bodies:
     return Bodies(parameters(people), "mhr", None, joints, mesh)
 
 
-def hands() -> Hands:
-    return Hands(np.zeros((2, 2, 15, 3)), np.array([[0.5, 0.0], [0.9, 0.9]]), np.zeros((2, 2, 3)))
-
-
-def contact() -> ContactProbability:
-    return ContactProbability(np.zeros((2, 4)), "smpl", RestMesh("smpl", np.zeros((4, 3)), FACES))
-
-
 def test_a_body_whose_mesh_is_nan_is_removed_with_all_its_rows() -> None:
     estimated = bodies()
     estimated.mesh.vertices[0, 2] = np.nan
@@ -59,27 +46,6 @@ def test_a_body_whose_mesh_is_nan_is_removed_with_all_its_rows() -> None:
     np.testing.assert_array_equal(kept.joints[1], bodies().joints[1])  # type: ignore[index]
     assert np.isfinite(kept.mesh.vertices[1]).all()
     np.testing.assert_array_equal(kept.mesh.faces, FACES)
-
-
-@pytest.mark.parametrize("answer", [bodies(), hands(), contact()], ids=lambda answer: type(answer).__name__)
-def test_results_with_the_new_fields_are_cached(answer: Bodies | Hands | ContactProbability, tmp_path: Path) -> None:
-    write_value(tmp_path / "one.npz", answer)
-    estimated: dict[str, np.ndarray] = {}
-    again: dict[str, np.ndarray] = {}
-    split(answer, estimated)
-    split(read_value(tmp_path / "one.npz", [type(answer)]), again)
-    assert list(estimated) == list(again)
-    for path, array in estimated.items():
-        np.testing.assert_array_equal(again[path], array)
-        assert again[path].dtype == array.dtype
-    assert type(canonicalize(answer)) is type(answer)
-
-
-def run(world: World, kind: type, interface: str, *overrides: str) -> Reconstruction:
-    registry = discover()
-    registry.register(BackendRecord(interface, "other", kind, api=1))
-    config = load_config(preset="mock", overrides=[f"{interface}.backend=other", *overrides])
-    return reconstruct(world.image, config, registry=registry)
 
 
 def joints_of(estimated: Bodies) -> np.ndarray:
@@ -127,9 +93,8 @@ class Wrists(backends.MockHandEstimator):
 
 def test_bodies_of_smpl_are_carried_over(world: World) -> None:
     # In so small a photo a bent point map leaves the left foot two places, 6 cm apart, that explain it alike.
-    sure = "relative_pointmap.options.noise=0"
-    result = run(world, Smpl, "body_estimator", sure)
-    plain = reconstruct(world.image, load_config(preset="mock", overrides=[sure]))
+    sure = load_config(preset="mock", overrides=["relative_pointmap.options.noise=0"])
+    result, plain = (reconstruct(world.image, sure, backends=given) for given in ({"body_estimator": Smpl}, {}))
     assert result.body_model == "embedded"
     assert "bodies converted from 'smpl' to 'embedded', joints within 1 mm on average" in result.notes
     apart = np.linalg.norm(result.people[0].joints[:22] - plain.people[0].joints[:22], axis=1)
@@ -138,11 +103,11 @@ def test_bodies_of_smpl_are_carried_over(world: World) -> None:
 
 def test_bodies_with_too_few_joints_are_refused(world: World) -> None:
     with pytest.raises(BodyModelError, match="the body model 'smpl' with too few joints to convert them"):
-        run(world, TooFew, "body_estimator")
+        reconstruct(world.image, "mock", backends={"body_estimator": TooFew})
 
 
 def test_contact_on_another_mesh_is_carried_over(world: World) -> None:
-    result = run(world, OtherContact, "contact_prior")
+    result = reconstruct(world.image, "mock", backends={"contact_prior": OtherContact})
     plain = reconstruct(world.image, "mock")
     assert "contact transferred from the mesh 'shuffled' to 'physic-embedded-1'" in result.notes
     was, found = plain.people[0].contact, result.people[0].contact
@@ -150,7 +115,7 @@ def test_contact_on_another_mesh_is_carried_over(world: World) -> None:
 
 
 def test_hands_that_say_how_they_lie_are_put_onto_the_arms(world: World) -> None:
-    result, plain = run(world, Wrists, "hand_estimator"), reconstruct(world.image, "mock")
+    result, plain = (reconstruct(world.image, "mock", backends=given) for given in ({"hand_estimator": Wrists}, {}))
     turned = np.linalg.norm(
         (result.people[0].parameters.body_pose - plain.people[0].parameters.body_pose).reshape(21, 3), axis=1
     )

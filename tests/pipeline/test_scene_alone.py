@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 
 from physic_core import load_config, load_reconstruction, reconstruct
-from physic_core.discovery.plugins import discover
-from physic_core.discovery.registry import BackendRecord, Registry
 from physic_core.errors import BackendError, NoPersonError
 from physic_core.types import UnposedPerson
 from physic_mock import backends
@@ -19,12 +17,6 @@ from physic_testing.worlds import World
 pytestmark = pytest.mark.usefixtures("few_steps")
 
 MOCK = ["run.cache=false", "metric_depth.options.noise=0", "relative_pointmap.options.noise=0"]
-
-
-def registry_with(interface: str, kind: type) -> Registry:
-    registry = discover()
-    registry.register(BackendRecord(interface, "own", kind, api=1))
-    return registry
 
 
 class NeedsPeople(backends.MockMetricDepth):
@@ -57,23 +49,17 @@ def test_the_scene_is_metric_if_the_metric_depth_needs_no_people(world: World, t
 
 
 def test_a_metric_depth_that_needs_people_leaves_the_scale_unknown(world: World) -> None:
-    config = load_config(preset="mock", overrides=[*MOCK, "metric_depth.backend=own", "metric_depth.options={}"])
-    result = reconstruct(world.empty_image, config, registry=registry_with("metric_depth", NeedsPeople))
+    needs_people = {"metric_depth": NeedsPeople}
+    result = reconstruct(world.empty_image, load_config(preset="mock", overrides=MOCK), backends=needs_people)
     assert result.scene.scale_sigma is None
     assert result.scene.floor.offset == pytest.approx(1.45, abs=0.02)
-    assert (
-        "the scale is unknown without a person: the camera is assumed to be 1.45 m above the floor; "
-        "use a metric depth network to get metres"
-    ) in result.warnings
-    known = load_config(
-        preset="mock",
-        overrides=[*MOCK, "metric_depth.backend=own", "metric_depth.options={}", "photo.camera_height=2.0"],
-    )
-    measured = reconstruct(world.empty_image, known, registry=registry_with("metric_depth", NeedsPeople))
+    assert any("the camera is assumed to be 1.45 m above the floor" in warning for warning in result.warnings)
+    known = load_config(preset="mock", overrides=[*MOCK, "photo.camera_height=2.0"])
+    measured = reconstruct(world.empty_image, known, backends=needs_people)
     assert measured.scene.floor.offset == pytest.approx(2.0, abs=0.001)
     assert not any("the scale is unknown" in warning for warning in measured.warnings)
     with pytest.raises(BackendError, match="MemoryError"):
-        reconstruct(world.empty_image, config, registry=registry_with("metric_depth", Broken))
+        reconstruct(world.empty_image, "mock", backends={"metric_depth": Broken})
 
 
 class SeesBox(backends.MockSegmenter):
@@ -95,10 +81,7 @@ def test_a_box_without_a_body_is_reported_and_not_left_in_the_scene(world: World
             holes.append(mask)
             return super().infer(image, mask)
 
-    registry = registry_with("segmenter", SeesBox)
-    registry.register(BackendRecord("inpainter", "own", Inpainter, api=1))
-    config = load_config(preset="mock", overrides=["run.cache=false", "segmenter.backend=own", "inpainter.backend=own"])
-    result = reconstruct(world.image, config, registry=registry)
+    result = reconstruct(world.image, "mock", backends={"segmenter": SeesBox, "inpainter": Inpainter})
     assert holes[0][:20, :30].all()
     assert len(result.people) == len(world.masks)
     assert result.unposed == (UnposedPerson((0.0, 0.0, 30.0, 20.0), 0.6, "no pose fits the box"),)
