@@ -41,6 +41,13 @@ def without_photo(problem: JointProblem) -> JointProblem:
     )
 
 
+def in_float64(problem: JointProblem) -> JointProblem:
+    """Return the problem with body and all numbers in double precision."""
+    tensors = {f.name: getattr(problem, f.name) for f in fields(problem)}
+    double = {n: t.double() for n, t in tensors.items() if isinstance(t, torch.Tensor) and t.is_floating_point()}
+    return replace(problem, model=problem.model.to(dtype=torch.float64), **double)
+
+
 def with_options(joint: JointMethod, **changes: Any) -> JointMethod:
     """Settings of stage 3 whose energy has some other methods."""
     Other = type("Other", (type(joint),), changes)

@@ -128,6 +128,18 @@ def make_stage(body: BodyModel) -> Callable[..., Stage]:
     return build
 
 
+@pytest.fixture(scope="session")
+def standing(make_stage: Callable[..., Stage]) -> Stage:
+    """One who stands in an empty room."""
+    return make_stage([({}, (0.0, 0.0, 3.5))])
+
+
+@pytest.fixture(scope="session")
+def two(make_stage: Callable[..., Stage]) -> Stage:
+    """Two who stand apart."""
+    return make_stage([({}, (-0.6, 0.0, 3.5)), ({}, (0.5, 0.0, 4.2))])
+
+
 @pytest.fixture(autouse=True)
 def _one_thread() -> Iterator[None]:
     """Small tensors: several threads beside a busy machine are many times slower than one."""

@@ -52,11 +52,6 @@ def test_each_row_adds_one_term_to_the_row_before():
     assert difference(ours[5], ours[6]) == {"joint.contact.source"}
 
 
-@pytest.fixture(scope="module")
-def standing(make_stage):
-    return make_stage([({}, (0.0, 0.0, 3.5))])
-
-
 @pytest.mark.parametrize("row", ABLATION, ids=[row.name for row in ABLATION])
 def test_every_row_runs_and_tells_its_terms(standing, row):
     full = row.settings(engine_preset("default"))

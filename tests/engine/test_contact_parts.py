@@ -9,7 +9,7 @@ import torch
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.contact.method import ContactMethod
-from physic_core.engine.contact.parts import LEAST_PROBABILITY, part_features, scene_parts_of_body, weigh_parts
+from physic_core.engine.contact.parts import LEAST_PROBABILITY, scene_parts_of_body, weigh_parts
 from physic_core.engine.contact.probability import mean_of_surest
 from physic_core.engine.contact.solve import solve_contact
 from physic_core.types import ContactPartner
@@ -90,12 +90,3 @@ def test_a_result_has_the_probability_of_each_part_listed_or_not(body, make_stag
     assert {one.partner for one in found.contacts[0]} == {ContactPartner("hidden", "seat")}
     assert LEAST_PROBABILITY <= float(found.parts["seat"]) < 1
     assert all(float(found.parts[f"{side}_hand"]) < LEAST_PROBABILITY for side in SIDES)
-
-
-def test_features_are_those_of_the_kind_of_the_part(person):
-    features = part_features(person, likely(person, 0.5))
-    assert set(features["left_foot"]) == {"log odds", "picture", "lifted", "lifted, hands up"}
-    assert set(features["right_hand"]) == {"log odds", "lifted", "lifted, hand up"}
-    assert set(features["seat"]) == {"log odds", "log odds above even", "thighs"}
-    assert set(features["torso"]) == {"log odds"}
-    assert float(features["seat"]["thighs"]) == pytest.approx(-1.5, abs=0.15)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import replace
 
 import pytest
 import torch
@@ -19,7 +19,7 @@ from physic_core.engine.placement.place import PeopleObservations, PlacedBodies,
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.neighbors import NearestPointSearch
 
-from .adjusted import adjusted, with_options
+from .adjusted import adjusted, in_float64, with_options
 
 DEFAULT = engine_preset("default").joint
 HERE = {"default": DEFAULT, "points": with_options(engine_preset("prox").joint, nearest_every_step=False)}
@@ -92,13 +92,8 @@ def test_the_host_waits_once_an_evaluation_and_once_a_step(two, steps):
 
 
 def as_double(problem, device):
-    changed = {
-        f.name: value.double()
-        for f in fields(problem)
-        if isinstance(value := getattr(problem, f.name), torch.Tensor) and value.is_floating_point()
-    }
-    assert is_dataclass(problem)
-    return replace(problem, model=problem.model.to(device, torch.float64), **changed).to_model_dtype()
+    problem = in_float64(problem)
+    return replace(problem, model=problem.model.to(device)).to_model_dtype()
 
 
 @needs_cuda

@@ -26,11 +26,6 @@ from .adjusted import adjusted
 SETTINGS = engine_preset("default").joint
 
 
-@pytest.fixture(scope="module")
-def standing(make_stage):
-    return make_stage([({}, (0.0, 0.0, 3.5))])
-
-
 def test_thinning_keeps_the_surface_and_what_may_touch(body):
     area = vertex_areas(body(*body.zero_pose(1)).vertices, body.faces)
     keep = torch.zeros(body.num_vertices, dtype=torch.bool)

@@ -12,10 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from physic_core import engine_preset
-from physic_core.engine.joint.context import STATIC_CONTACT_PARTS
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.joint.terms.surface import SurfaceTerms
 from physic_core.geometry.robust import robust_loss
 from physic_paper.released.reprojection import near_mask
 from physic_paper.terms.reprojection import ReprojectionByAxisTerm, confident_keypoints
@@ -23,11 +21,6 @@ from physic_paper.terms.reprojection import ReprojectionByAxisTerm, confident_ke
 from .adjusted import adjusted, term_of
 
 JOINT, PAPER, RELEASE, PROX = (engine_preset(name).joint for name in ("default", "paper", "release", "prox"))
-
-
-@pytest.fixture(scope="module")
-def standing(make_stage):
-    return make_stage([({}, (0.0, 0.0, 3.5))])
 
 
 @pytest.fixture(scope="module")
@@ -57,21 +50,6 @@ def test_confidence_counts_by_its_power(standing):
     plain, halved = (replace(problem.skeleton, weights=weights) for weights in ({}, {"left_hip": 0.5}))
     full, half = (confident_keypoints(replace(problem, skeleton=skeleton)).weight for skeleton in (plain, halved))
     torch.testing.assert_close(half, full * full.new_tensor([halved.weights.get(name, 1.0) for name in plain.names]))
-
-
-def test_static_contacts_need_no_prior(standing):
-    nobody = replace(standing.problem, contact_probability=0 * standing.problem.contact_probability)
-    bare = adjusted(JOINT, contact__static_weight=0.0)
-    none, static = (JointEnergy(nobody, adjusted(bare, contact__source=s)) for s in ("prior", "static"))
-    assert (term_of(none, SurfaceTerms).parts.contact.prior == 0).all()
-    model = nobody.model
-    wanted = torch.zeros(model.num_vertices, dtype=torch.bool)
-    for name in STATIC_CONTACT_PARTS:
-        wanted[model.contact_sets[name]] = True
-    assert len(STATIC_CONTACT_PARTS) == 7
-    assert torch.equal(term_of(static, SurfaceTerms).parts.contact.prior[0] > 0, wanted[static.context.ids])
-    result = optimize(nobody, adjusted(JOINT, contact__source="static", optimiser__steps=10))
-    assert result.failures == ("",)
 
 
 def test_the_union_of_masks_makes_hidden_people_visible(behind):

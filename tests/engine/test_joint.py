@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-import re
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import pytest
 import roma
@@ -21,7 +20,7 @@ from physic_core.geometry.camera import project
 from physic_paper.paper import PaperOptimisation
 from physic_paper.published import UnwhitenedState
 
-from .adjusted import adjusted, with_options
+from .adjusted import adjusted, in_float64, with_options
 from .conftest import FLOOR_Y
 
 pytestmark = pytest.mark.kernels
@@ -29,23 +28,12 @@ pytestmark = pytest.mark.kernels
 SETTINGS = engine_preset("default").joint
 STATIC = adjusted(SETTINGS, contact__source="static")
 SHORT = adjusted(SETTINGS, optimiser__steps=20)
-ALONE = [({}, (0.0, 0.0, 3.5))]
 SITTING = {
     "left_hip": (-1.5, 0.0, 0.1),
     "right_hip": (-1.5, 0.0, -0.1),
     "left_knee": (1.5, 0.0, 0.0),
     "right_knee": (1.5, 0.0, 0.0),
 }
-
-
-@pytest.fixture(scope="module")
-def standing(make_stage):
-    return make_stage(ALONE)
-
-
-@pytest.fixture(scope="module")
-def two(make_stage):
-    return make_stage([({}, (-0.6, 0.0, 3.5)), ({}, (0.5, 0.0, 4.2))])
 
 
 def moved(problem, *, by=(0.0, 0.0, 0.0), turn=0.0, seed=0):
@@ -149,21 +137,33 @@ def test_a_foot_in_the_air_stays_there(make_stage):
 
 
 def test_a_person_on_a_step_is_not_pulled_to_the_floor(make_stage):
-    stage = make_stage(ALONE, boxes=[((-0.5, 1.12, 3.1), (0.5, 1.3, 4.0))], stands_at=1.12)
+    stage = make_stage([({}, (0.0, 0.0, 3.5))], boxes=[((-0.5, 1.12, 3.1), (0.5, 1.3, 4.0))], stands_at=1.12)
     result = optimize(stage.problem, SETTINGS)
     assert error_mm(result, stage) < 15
 
 
-def test_legs_that_the_photo_does_not_show_feel_no_floor(standing, monkeypatch):
-    """A floor drawn through the shins, and a person who is cut at the hips: nothing there may pull or push."""
-    model, problem = standing.problem.model, standing.problem
+def hide_legs(problem):
+    """(N, 55) joints that the photo shows of people who are cut at the hips."""
     observed = problem.observed.clone()
     for name in ("knee", "ankle", "foot"):
         observed[:, [JOINT_INDEX[f"left_{name}"], JOINT_INDEX[f"right_{name}"]]] = False
+    return observed
+
+
+def are_on_legs(energy):
+    """(V,) whether each vertex of the energy is on a leg."""
+    model = energy.problem.model
+    legs = torch.tensor([name.endswith(("upper_leg", "lower_leg", "foot")) for name in model.part_names])
+    return legs[model.part_of_vertex[energy.context.ids]]
+
+
+def test_legs_that_the_photo_does_not_show_feel_no_floor(standing, monkeypatch):
+    """A floor drawn through the shins, and a person who is cut at the hips: nothing there may pull or push."""
+    problem = standing.problem
+    observed = hide_legs(problem)
     cut = replace(problem, observed=observed, floor_offset=0.9)
     energy = JointEnergy(cut, SETTINGS)
-    legs = torch.tensor([name.endswith(("upper_leg", "lower_leg", "foot")) for name in model.part_names])
-    on_legs = legs[model.part_of_vertex[energy.context.ids]]
+    on_legs = are_on_legs(energy)
     for weight in (energy.weights["contact"], energy.weights["floor"], energy.weights["penetration"]):
         assert (weight[0, on_legs] == 0).all()
     assert (energy.weights["soles"] == 0).all()
@@ -176,14 +176,11 @@ def test_legs_that_the_photo_does_not_show_feel_no_floor(standing, monkeypatch):
 
 def test_unseen_feet_a_little_under_the_floor_are_pushed_out_and_leave_the_scene_its_scale(standing):
     """A floor that is 10 cm too high, and a person who is cut at the hips."""
-    model, problem = standing.problem.model, standing.problem
-    observed = problem.observed.clone()
-    for name in ("knee", "ankle", "foot"):
-        observed[:, [JOINT_INDEX[f"left_{name}"], JOINT_INDEX[f"right_{name}"]]] = False
+    problem = standing.problem
+    observed = hide_legs(problem)
     shown = replace(problem, floor_offset=problem.floor_offset - 0.1)
     sunk = JointEnergy(replace(shown, observed=observed), SETTINGS)
-    legs = torch.tensor([name.endswith(("upper_leg", "lower_leg", "foot")) for name in model.part_names])
-    on_legs = legs[model.part_of_vertex[sunk.context.ids]]
+    on_legs = are_on_legs(sunk)
     share = 0.3 * JointEnergy(shown, SETTINGS).weights["floor"]
     torch.testing.assert_close(sunk.weights["floor"][0, on_legs], share[0, on_legs])
     floor = sunk()["floor"]
@@ -252,13 +249,7 @@ def test_the_energy_does_not_depend_on_the_resolution(standing):
 def test_gradient_of_the_whole_energy(make_stage, settings):
     """Along random directions, against differences, in float64, with people, box, floor and depth all in play."""
     stage = make_stage([({}, (-0.6, 0.0, 3.2)), ({}, (0.5, 0.0, 3.8))], boxes=[((-0.9, 0.8, 3.3), (0.9, 1.3, 3.6))])
-    problem = moved(stage.problem, by=(0.01, 0.02, 0.05), turn=0.05)
-    double = {
-        f.name: value.double()
-        for f in fields(problem)
-        if isinstance(value := getattr(problem, f.name), torch.Tensor) and value.is_floating_point()
-    }
-    problem = replace(problem, model=problem.model.to(dtype=torch.float64), **double)
+    problem = in_float64(moved(stage.problem, by=(0.01, 0.02, 0.05), turn=0.05))
     # Nearest points and signs may switch between two evaluations: hold them, as a line search does.
     energy = JointEnergy(problem, with_options(settings, nearest_every_step=False))
     here = energy.state.pack()
@@ -315,9 +306,7 @@ def test_the_same_problem_gives_the_same_answer_bit_for_bit(standing):
 
 def test_shapes_that_do_not_fit_are_all_named(standing):
     broken = replace(standing.problem, K=torch.eye(4), betas0=torch.zeros(1, 3))
-    k = standing.problem.model.num_betas
-    message = f"joint optimisation: betas0 must be (1, {k}), got (1, 3); K must be (3, 3), got (4, 4)"
-    with pytest.raises(PhysicError, match=f"^{re.escape(message)}$"):
+    with pytest.raises(PhysicError, match=r"betas0 must be .*K must be"):
         optimize(broken, SETTINGS)
 
 

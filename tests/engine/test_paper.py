@@ -27,11 +27,6 @@ def floor_grid(problem):
 
 
 @pytest.fixture(scope="module")
-def two(make_stage):
-    return make_stage([({}, (-0.6, 0.0, 3.5)), ({}, (0.5, 0.0, 4.2))])
-
-
-@pytest.fixture(scope="module")
 def start(two):
     """Two people whose joints and places are off, and whose keypoints have errors of two pixels."""
     draws = torch.Generator().manual_seed(0)
@@ -54,9 +49,8 @@ def test_the_energy_falls_and_everybody_moves(start):
     assert result.scene_scale != 1.0
 
 
-@pytest.mark.parametrize("name", ["sit_on_chair"])
-def test_stage_three_moves_in_a_world(name):
-    world = build_world(name, seed=3, size=(128, 96))
+def test_stage_three_moves_in_a_world():
+    world = build_world("sit_on_chair", seed=3, size=(128, 96))
     noise = [f"{name}.options.noise=1" for name in INTERFACES]
     config = load_config(preset="mock", overrides=["engine.preset=paper", "run.cache=false", *noise])
     diagnostics = reconstruct(world.image, config).diagnostics

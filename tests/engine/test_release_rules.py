@@ -19,11 +19,6 @@ from physic_paper.released.visibility import visible_part_shares
 RELEASE, PAPER = engine_preset("release"), engine_preset("paper")
 
 
-@pytest.fixture(scope="module")
-def standing(make_stage):
-    return make_stage([({}, (0.0, 0.0, 3.5))])
-
-
 def released(problem, **changed):
     """A problem with the points that the preset asks for."""
     x, z = torch.meshgrid(torch.linspace(-2, 2, 41), torch.linspace(2, 6, 41), indexing="ij")

@@ -14,11 +14,9 @@ from physic_core.engine.sizes.scale_vote import vote_on_scale
 def test_known_sizes_give_their_geometric_mean_and_dominate_a_guess() -> None:
     known = [ScaleEvidence.by_known_size(metres, 1.0) for metres in (2.0, 2.1)]
     both = combine(known)
-    assert both is not None
     assert math.exp(both.log_scale) == pytest.approx(math.sqrt(2.0 * 2.1))
     assert both.sigma == KNOWN_SCALE_SIGMA
     with_guess = combine([*known, ScaleEvidence(math.log(4.0), 0.5)])
-    assert with_guess is not None
     assert with_guess.log_scale == pytest.approx(both.log_scale, abs=1e-3)
     assert combine([]) is None
 

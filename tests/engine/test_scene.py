@@ -68,7 +68,6 @@ def test_metric_scale_is_recovered_for_each_kind_of_unknown(unknown: AffineAmbig
     )  # fmt: skip
     error = ((state.points[..., 2] - DEPTH).abs() / DEPTH)[state.valid]
     assert float(error.median()) < 0.005
-    assert state.floor_normal is not None
     assert angle_deg(state.floor_normal, UP) < 0.5
     assert state.floor_offset == pytest.approx(HEIGHT_M, abs=0.02)
     assert state.K[0, 0] == pytest.approx(140.0, rel=0.01)
@@ -186,7 +185,6 @@ def test_a_photo_without_a_floor_reports_it_and_nothing_else_changes() -> None:
 
 def test_a_floor_mask_that_is_no_floor_is_reported() -> None:
     state = scene(floor_mask=BOX)
-    assert state.floor_normal is not None
     assert angle_deg(state.floor_normal, UP) < 0.5
     assert state.diagnostics["floor"]["mask_reason"] == "no_consensus"
 
@@ -209,7 +207,6 @@ def test_relative_floor_has_the_units_of_the_map() -> None:
 
 def test_floor_points_are_densest_where_the_feet_are() -> None:
     state = scene(feet_px=FEET)
-    assert state.floor_normal is not None
     foot = RAYS[100, 60] * FLOOR[100, 60]
     near = (state.floor_points - foot).norm(dim=-1) < 0.2
     assert int(near.sum()) == pytest.approx(math.pi * 0.2**2 / 0.025**2, rel=0.1)

@@ -18,11 +18,6 @@ from .adjusted import adjusted
 JOINT = engine_preset("default").joint
 
 
-@pytest.fixture(scope="module")
-def standing(make_stage):
-    return make_stage([({}, (0.0, 0.0, 3.5))])
-
-
 def test_stature_is_linear_in_shape(body):
     betas = torch.zeros(1, body.num_betas)
     stature = linearise_stature(body, betas)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import pytest
 import torch
@@ -12,7 +12,7 @@ from physic_core.engine.joint.context import select_surface
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.terms.surface import SurfaceTerms, surface_energies
 
-from .adjusted import adjusted, with_options
+from .adjusted import adjusted, in_float64, with_options
 from .reference_energies import reference_surface_energies
 
 DEFAULT = engine_preset("default").joint
@@ -34,12 +34,7 @@ def sunk(make_stage):
     """Two who stand partly in a box and in the floor, one of them with hidden feet, in float64."""
     stage = make_stage([({}, (-0.6, 0.0, 3.2)), ({}, (0.5, 0.0, 3.8))], boxes=[((-0.9, 0.8, 3.3), (0.9, 1.3, 3.6))])
     problem = replace(stage.problem, transl0=stage.problem.transl0 + torch.tensor([0.01, 0.03, 0.08]))
-    double = {
-        f.name: value.double()
-        for f in fields(problem)
-        if isinstance(value := getattr(problem, f.name), torch.Tensor) and value.is_floating_point()
-    }
-    return replace(problem, model=problem.model.to(dtype=torch.float64), **double)
+    return in_float64(problem)
 
 
 def somewhere(energy: JointEnergy) -> None:

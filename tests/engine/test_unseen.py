@@ -24,19 +24,22 @@ SETTINGS = engine_preset("default").joint
 NAMES = SKELETONS["blazepose33"].names
 
 
-@pytest.fixture(scope="module")
-def standing(make_stage):
-    return make_stage([({}, (0.0, 0.0, 3.5))])
-
-
-def test_usual_contact_parts_count_without_a_prior(standing):
+@pytest.mark.parametrize(
+    ("changes", "share"),
+    [
+        ({"contact__static_weight": 0.25}, 0.25),
+        ({"contact__static_weight": 0.0}, 0.0),
+        ({"contact__static_weight": 0.0, "contact__source": "static"}, 1.0),
+    ],
+)
+def test_usual_contact_parts_count_without_a_prior(standing, changes, share):
     nobody = replace(standing.problem, contact_probability=0 * standing.problem.contact_probability)
-    energy = JointEnergy(nobody, adjusted(SETTINGS, contact__static_weight=0.25))
+    energy = JointEnergy(nobody, adjusted(SETTINGS, **changes))
     prior = term_of(energy, SurfaceTerms).parts.contact.prior
     likely = torch.zeros(nobody.model.num_vertices, dtype=torch.bool)
     for name in STATIC_CONTACT_PARTS:
         likely[nobody.model.contact_sets[name]] = True
-    torch.testing.assert_close(prior[0], 0.25 * likely[energy.context.ids].float())
+    torch.testing.assert_close(prior[0], share * likely[energy.context.ids].float())
 
 
 def test_the_prior_goes_before_likely_parts(standing):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import pytest
 import roma
@@ -20,7 +20,7 @@ from physic_core.engine.joint.terms.views import ViewsTerm
 from physic_core.errors import PhysicError
 from physic_testing.worlds import BLAZEPOSE
 
-from .adjusted import adjusted, term_of
+from .adjusted import adjusted, in_float64, term_of
 from .conftest import cast
 
 SETTINGS = engine_preset("default").joint
@@ -146,12 +146,7 @@ def test_one_factor_on_people_cameras_and_scene_changes_no_pixel(two):
 
 def test_gradient_in_float64(two):
     start = replace(two.problem, views=(view_of(two, 40.0), view_of(two, 120.0)))
-    double = {
-        f.name: value.double()
-        for f in fields(start)
-        if isinstance(value := getattr(start, f.name), torch.Tensor) and value.is_floating_point()
-    }
-    problem = replace(start, model=start.model.to(dtype=torch.float64), **double).to_model_dtype()
+    problem = in_float64(start).to_model_dtype()
     energy = JointEnergy(problem, SETTINGS)
     term, bodies = term_of(energy, ViewsTerm), posed(energy)
 
@@ -178,11 +173,8 @@ def test_what_another_camera_shows_takes_part_in_contact(raised):
 def test_shapes_of_a_view_are_checked(two):
     view = view_of(two, 40.0)
     broken = replace(two.problem, views=(view, replace(view, masks=view.masks[:1])))
-    with pytest.raises(PhysicError) as caught:
+    with pytest.raises(PhysicError, match="view 1: masks must be"):
         optimize(broken, SETTINGS)
-    height, width = view.masks.shape[-2:]
-    expected = f"(2, {height}, {width}), got (1, {height}, {width})"
-    assert str(caught.value) == f"joint optimisation, view 1: masks must be {expected}"
 
 
 def test_an_energy_without_other_cameras_refuses_them(two):
