@@ -13,16 +13,16 @@ import roma
 import torch
 from torch import Tensor
 
-from physic_core.body import JOINT_INDEX, JOINT_NAMES, PARENTS, load_body
+from physic_core.body import JOINT_INDEX, JOINT_NAMES, load_body
 from physic_core.body.assembly import BodyArrays, build_body_model
 from physic_core.body.model import BodyModel
 from physic_core.body.rotations import rotvec_to_rotmat_numpy
 
 sys.path.append(str(Path(__file__).parent))  # other_body.py, which tests of this folder share
 
-from other_body import OtherBody, make
+from other_body import OtherBody, make, smplx_file_arrays
 
-NUM_VERTICES, NUM_FACES, RINGS, SEGMENTS = 10475, 20908, 15, 12
+NUM_VERTICES = 10475
 
 
 @pytest.fixture(scope="session")
@@ -49,109 +49,17 @@ def random_pose(embedded: BodyModel) -> dict[str, Tensor]:
     return {"rotations": rotations, "betas": normal(3, embedded.num_betas), "transl": 3 * normal(3, 3)}
 
 
-def _rest_joints() -> np.ndarray:
-    """55 made-up joints of a T-posed figure, 1.7 m tall, metres."""
-    steps: dict[str, tuple[float, float, float]] = {
-        "spine": (0.0, 0.13, 0.0),
-        "neck": (0.0, 0.2, 0.0),
-        "head": (0.0, 0.1, 0.02),
-        "jaw": (0.0, -0.01, 0.03),
-        "eye": (0.03, 0.06, 0.07),
-        "hip": (0.09, -0.07, 0.0),
-        "knee": (0.01, -0.4, 0.0),
-        "ankle": (0.0, -0.4, -0.02),
-        "foot": (0.0, -0.05, 0.12),
-        "collar": (0.06, 0.12, 0.0),
-        "shoulder": (0.11, 0.03, 0.0),
-        "elbow": (0.26, 0.0, 0.0),
-        "wrist": (0.25, 0.0, 0.0),
-        "index1": (0.1, 0.0, 0.03),
-        "middle1": (0.1, 0.0, 0.01),
-        "ring1": (0.1, 0.0, -0.01),
-        "pinky1": (0.09, 0.0, -0.03),
-        "thumb1": (0.03, -0.01, 0.03),
-    }
-    joints = np.zeros((55, 3))
-    joints[0] = [0.0, -0.35, 0.01]
-    for joint, (name, parent) in enumerate(zip(JOINT_NAMES, PARENTS, strict=True)):
-        if joint:
-            sign = -1.0 if name.startswith("right_") else 1.0
-            key = name.split("_")[-1]
-            step = steps["spine"] if key.startswith("spine") else steps.get(key, (0.025, 0.0, 0.0))
-            joints[joint] = joints[parent] + np.array(step) * [sign, 1.0, 1.0]
-    return joints
-
-
-def _tube(start: np.ndarray, end: np.ndarray, radius: float) -> np.ndarray:
-    """RINGS x SEGMENTS + 2 points round a bone."""
-    axis = end - start
-    side = np.cross(axis, [0.31, 0.9, 0.32])
-    side /= np.linalg.norm(side)
-    up = np.cross(axis / np.linalg.norm(axis), side)
-    along = (np.arange(RINGS) + 0.5) / RINGS
-    angle = 2 * np.pi * np.arange(SEGMENTS) / SEGMENTS
-    round_ = np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * up
-    rings = start + along[:, None, None] * axis + radius * round_
-    return np.concatenate([rings.reshape(-1, 3), [start, end]])
-
-
-def _tube_faces() -> np.ndarray:
-    faces = []
-    for ring in range(RINGS - 1):
-        for k in range(SEGMENTS):
-            a, b = ring * SEGMENTS + k, ring * SEGMENTS + (k + 1) % SEGMENTS
-            faces += [[a, b, a + SEGMENTS], [b, b + SEGMENTS, a + SEGMENTS]]
-    first, last = RINGS * SEGMENTS, RINGS * SEGMENTS + 1
-    base = (RINGS - 1) * SEGMENTS
-    for k in range(SEGMENTS):
-        faces += [[first, (k + 1) % SEGMENTS, k], [last, base + k, base + (k + 1) % SEGMENTS]]
-    return np.array(faces)
-
-
-def _synthetic_smplx() -> dict[str, Any]:
-    """All that a SMPL-X file holds, with shape columns of the v1.1 layout; no number in it is anybody's."""
+@pytest.fixture(scope="session")
+def smplx_arrays(other: OtherBody) -> dict[str, Any]:
+    """The arrays of a made-up SMPL-X file, v1.1, with all that such a file holds."""
     rng = np.random.default_rng(0)
-    joints = _rest_joints()
-    points, faces, tube = [], [], _tube_faces()
-    for joint in range(55):
-        children = [c for c in range(1, 55) if PARENTS[c] == joint]
-        end = joints[children].mean(0) if children else joints[joint] + 0.6 * (joints[joint] - joints[PARENTS[joint]])
-        radius = 0.008 if joint >= 22 else 0.05
-        faces.append(tube + sum(len(p) for p in points))
-        points.append(_tube(joints[joint], end, radius))
-    vertices = np.concatenate(points)
-    spare = NUM_VERTICES - len(vertices)
-    vertices = np.concatenate([vertices, vertices[:spare] + rng.normal(0, 1e-3, (spare, 3))])
-    triangles = np.concatenate(faces)
-    triangles = np.concatenate([triangles, triangles[: NUM_FACES - len(triangles)]])
-    squared = ((vertices[:, None] - joints) ** 2).sum(-1)
-    weights = np.exp(-(squared - squared.min(1, keepdims=True)) / (2 * 0.03**2))
-    # Vertices of a ring are equally far from its bone but for rounding: ties go to the first.
-    np.put_along_axis(weights, np.argsort(-weights.round(9), 1, kind="stable")[:, 4:], 0.0, 1)
-    regressor = np.zeros((55, NUM_VERTICES))
-    for joint in range(55):
-        regressor[joint, np.argsort(squared[:, joint].round(9), kind="stable")[:24]] = 1 / 24
-    names = {name: i for i, name in enumerate(JOINT_NAMES)}
-    return {
-        "v_template": vertices,
-        "f": triangles.astype(np.uint32),
+    return smplx_file_arrays(other) | {
         "shapedirs": (0.004 * rng.standard_normal((NUM_VERTICES, 3, 400), dtype=np.float32)).astype(np.float16),
         "posedirs": (2e-4 * rng.standard_normal((NUM_VERTICES, 3, 486), dtype=np.float32)).astype(np.float16),
-        "J_regressor": regressor,
-        "weights": weights / weights.sum(1, keepdims=True),
-        "kintree_table": np.stack([PARENTS, np.arange(55)]).astype(
-            np.uint32
-        ),  # the root's -1 wraps, as in the real file
         "hands_meanl": rng.normal(0, 0.1, 45),
         "hands_meanr": rng.normal(0, 0.1, 45),
-        "joint2num": np.array(names, dtype=object),
+        "joint2num": np.array({name: i for i, name in enumerate(JOINT_NAMES)}, dtype=object),
     }
-
-
-@pytest.fixture(scope="session")
-def smplx_arrays() -> dict[str, Any]:
-    """The arrays of a made-up SMPL-X file, v1.1."""
-    return _synthetic_smplx()
 
 
 def _write(folder: Path, arrays: dict[str, Any]) -> Path:

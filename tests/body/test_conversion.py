@@ -150,11 +150,3 @@ def test_parameters_alone_of_a_model_that_is_not_there_are_refused(own: Bodies, 
     assert not can_convert(estimated, embedded)
     with pytest.raises(BodyModelError, match=r"^bodies for the body model 'smplx' cannot be converted to 'embedded'"):
         convert_bodies(estimated, embedded)
-
-
-def test_the_note_states_the_residual_of_the_joints(own: Bodies, embedded: BodyModel) -> None:
-    joints = posed(embedded, own)[1]
-    found = convert_with_residuals(replace(own, body_model="smpl", joints=joints), embedded)
-    assert found.note("smpl") == (
-        f"bodies converted from 'smpl' to 'embedded', joints within {1000 * found.joints_m.mean():.0f} mm on average"
-    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -142,19 +143,16 @@ def test_contact_of_a_person_that_is_not_a_number_stays_so(embedded: BodyModel, 
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda v: 1000 * v, "is 1.71e+03 wide, 1.69e+03 high and 307 deep, which is not a body in a T-pose"),
-        (lambda v: v[:, [0, 2, 1]], "is 1.71 wide, 0.307 high and 1.69 deep, which is not a body in a T-pose"),
-        (lambda v: v * [0.3, 1, 1], "is 0.513 wide, 1.69 high and 0.307 deep, which is not a body in a T-pose"),
+        (lambda v: 1000 * v, "is 1.71e+03 wide"),
+        (lambda v: v[:, [0, 2, 1]], "0.307 high"),
+        (lambda v: v * [0.3, 1, 1], "is 0.513 wide"),
     ],
     ids=["millimetres", "z up", "arms down"],
 )
 def test_a_mesh_that_is_no_t_pose_is_refused(change, words: str, embedded: BodyModel, other_model: BodyModel) -> None:
     rest = rest_mesh_of_model(other_model)
-    with pytest.raises(BodyModelError) as caught:
+    with pytest.raises(BodyModelError, match=re.escape(words)):
         find_correspondence(replace(rest, vertices=change(rest.vertices)), embedded)
-    assert str(caught.value) == (
-        f"the mesh 'smplx' {words}: give it in metres, y up, facing +z, arms stretched out sideways"
-    )
 
 
 def test_a_map_is_kept_and_found_again(

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_matrix, csr_matrix
 
-from physic_core.body.files.model_file import MANO, SMPL, read_model_file
+from physic_core.body.files.model_file import MANO, read_model_file
 from physic_core.errors import BodyModelError
 
 
@@ -308,19 +308,6 @@ for path in sys.argv[1:]:
     done = subprocess.run([sys.executable, "-c", code, *paths], capture_output=True, text=True, timeout=300)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.splitlines() == ["[]"] * len(CALLS)
-
-
-class _Runs:
-    def __reduce__(self) -> tuple[Any, ...]:
-        return pytest.fail, ("the pickle was run",)
-
-
-@pytest.mark.parametrize("layout", [SMPL, MANO])
-def test_reading_a_model_file_runs_no_code(tmp_path: Path, layout: Any) -> None:
-    path = tmp_path / "MODEL.pkl"
-    path.write_bytes(pickle.dumps({**mano_arrays(), "bs_type": _Runs()}))
-    with pytest.raises(BodyModelError, match="which could run code: it is not opened"):
-        read_model_file(path, layout)
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from other_body import OtherBody, smplx_file_arrays
 from physic_core import Reconstruction, load_config, reconstruct
 from physic_core.body.convert.bodies import convert_bodies, replace_mesh_with_joints
 from physic_core.body.model import BodyModel
-from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
+from physic_core.body.parameters import rotations_from_parameters
 from physic_core.types import Bodies
 from physic_testing.worlds import World, build_world
 
@@ -69,14 +69,3 @@ def surface(model: BodyModel, bodies: Bodies) -> np.ndarray:
     p = bodies.parameters
     given = (torch.from_numpy(np.array(value, np.float32)) for value in (p.betas, p.transl))
     return model(rotations_from_parameters(p), *given).vertices[0].numpy()
-
-
-def test_joints_are_where_the_model_puts_them(other_model: BodyModel) -> None:
-    rotations, betas, transl = other_model.zero_pose(2)
-    transl[1] = torch.tensor([1.0, 2.0, 3.0])
-    bodies = Bodies(parameters_from_rotations(rotations, betas, None, transl), "smplx")
-    given = replace_mesh_with_joints(bodies, other_model)
-    assert given.joints is not None
-    np.testing.assert_allclose(given.joints, other_model(rotations, betas, transl).joints.numpy(), atol=1e-6)
-    assert given.mesh is None
-    assert given.parameters is bodies.parameters
