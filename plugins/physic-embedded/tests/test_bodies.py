@@ -137,8 +137,11 @@ def miss_mm(fitted: np.ndarray, truth: np.ndarray) -> np.ndarray:
 PLACES = [(-0.9, 0.2, 3.4), (0.3, 0.1, 4.2), (1.0, 0.3, 3.6)]
 
 
-def test_bodies_are_recovered_from_synthetic_landmarks(backend: EmbeddedBodies) -> None:
-    seen = truth([STANDS, WALKS, SITS], PLACES)
+@pytest.mark.parametrize(("noise_px", "most_mm"), [(0.0, 15), (2.0, 20)])
+def test_bodies_are_recovered_from_synthetic_landmarks(
+    backend: EmbeddedBodies, noise_px: float, most_mm: float
+) -> None:
+    seen = truth([STANDS, WALKS, SITS], PLACES, noise_px=noise_px)
     answer = fit(backend, seen)
     assert answer.body_model == "embedded"
     joints, vertices = posed(answer)
@@ -146,16 +149,9 @@ def test_bodies_are_recovered_from_synthetic_landmarks(backend: EmbeddedBodies) 
     pelvis = miss_mm(joints - joints[:, :1], seen.joints - seen.joints[:, :1])
     skin = miss_mm(vertices - joints[:, :1], seen.vertices - seen.joints[:, :1])
     assert absolute.max() < 60
-    assert pelvis.max() < 15
-    assert skin.max() < 15
+    assert pelvis.max() < most_mm
+    assert skin.max() < most_mm
     assert answer.observed.all()
-
-
-def test_noise_of_two_pixels_costs_little(backend: EmbeddedBodies) -> None:
-    seen = truth([STANDS, WALKS, SITS], PLACES, noise_px=2.0)
-    joints, _ = posed(fit(backend, seen))
-    pelvis = miss_mm(joints - joints[:, :1], seen.joints - seen.joints[:, :1])
-    assert pelvis.max() < 20
 
 
 @pytest.mark.parametrize("skeleton", ["coco17", "coco23"])
@@ -170,20 +166,6 @@ def test_keypoints_without_landmarks_give_the_pose_in_the_picture(backend: Embed
     # Who faces the camera is not fitted from behind.
     left, right = joints[:, JOINT_INDEX["left_shoulder"]], joints[:, JOINT_INDEX["right_shoulder"]]
     assert (left[:, 0] > right[:, 0]).all()
-
-
-def test_whole_body_keypoints_are_cut_to_body_and_feet(backend: EmbeddedBodies) -> None:
-    seen = truth([STANDS], PLACES[:1], skeleton="coco23")
-    short = replace(seen.keypoints, world=None)
-    filler = np.zeros((1, 110, 2))
-    whole = Keypoints(
-        np.concatenate([short.points, filler], 1),
-        np.concatenate([short.confidence, np.ones((1, 110))], 1),
-        "coco_wholebody133",
-    )
-    first = backend.infer(IMAGE, seen.people, CAMERA, short, Hints())
-    second = backend.infer(IMAGE, seen.people, CAMERA, whole, Hints())
-    assert np.array_equal(first.parameters.transl, second.parameters.transl)
 
 
 @pytest.mark.parametrize("lean_deg", [10.0, 20.0])
@@ -279,31 +261,31 @@ def test_joints_out_of_the_picture_or_unsure_are_not_observed(backend: EmbeddedB
     assert {"pelvis", "spine2", "left_shoulder", "head", "right_wrist", "right_thumb3"} <= observed
 
 
-def test_legs_of_which_nothing_is_seen_hang_straight_down(backend: EmbeddedBodies) -> None:
-    """What the network makes up below the picture says nothing: here that somebody is_sitting."""
+def sitter_without_legs() -> Truth:
+    """Somebody who sits, and whose legs the network makes up."""
     seen = truth([SITS], [(-0.2, 0.75, 1.8)])
     names = list(SKELETONS["blazepose33"].names)
     legs = [names.index(f"{s}_{j}") for s in ("left", "right") for j in ("knee", "ankle", "heel", "foot_tip")]
     confidence = seen.keypoints.confidence.copy()
     confidence[0, legs] = 0.02
-    joints, _ = posed(fit(backend, replace(seen, keypoints=replace(seen.keypoints, confidence=confidence))))
+    return replace(seen, keypoints=replace(seen.keypoints, confidence=confidence))
+
+
+def test_legs_of_which_nothing_is_seen_hang_straight_down(backend: EmbeddedBodies) -> None:
+    """What the network makes up below the picture says nothing: here that somebody is_sitting."""
+    joints, _ = posed(fit(backend, sitter_without_legs()))
     for side in ("left", "right"):
         leg = joints[0, JOINT_INDEX[f"{side}_ankle"]] - joints[0, JOINT_INDEX[f"{side}_hip"]]
         assert np.degrees(np.arccos(leg[1] / np.linalg.norm(leg))) < 15
 
 
 def test_legs_of_which_nothing_is_seen_are_seated_beside_a_seat(backend: EmbeddedBodies) -> None:
-    seen = truth([SITS], [(-0.2, 0.75, 1.8)])
-    names = list(SKELETONS["blazepose33"].names)
-    legs = [names.index(f"{s}_{j}") for s in ("left", "right") for j in ("knee", "ankle", "heel", "foot_tip")]
-    confidence = seen.keypoints.confidence.copy()
-    confidence[0, legs] = 0.02
     masks = np.zeros((1, *IMAGE.shape[:2]), bool)
     masks[0, 300:, 300:500] = True
     sofa = SurfaceLabels(np.zeros(IMAGE.shape[:2], np.uint8), ("seat",))
+    seen = sitter_without_legs()
     people = replace(seen.people, masks=masks, surfaces=sofa)
-    seen = replace(seen, keypoints=replace(seen.keypoints, confidence=confidence), people=people)
-    joints, _ = posed(fit(backend, seen))
+    joints, _ = posed(fit(backend, replace(seen, people=people)))
     for side in ("left", "right"):
         thigh = joints[0, JOINT_INDEX[f"{side}_knee"]] - joints[0, JOINT_INDEX[f"{side}_hip"]]
         assert np.degrees(np.arccos(thigh[1] / np.linalg.norm(thigh))) > 45

@@ -10,7 +10,6 @@ import pytest
 from physic_core.errors import NoPersonError
 from physic_core.interfaces import Segmenter, SegmenterRequest
 from physic_core.types import PeoplePrompt, SurfaceLabels
-from physic_embedded.networks import mobile_sam
 from physic_embedded.networks.crops import RotatedSquare
 from physic_embedded.networks.mobile_sam import ImageEmbedding, MaskProposals
 from physic_embedded.networks.pose import Pose
@@ -108,4 +107,3 @@ def test_boxes_of_people_who_have_a_pose_and_of_chairs_are_left_out(monkeypatch:
     assert mask[50, 100]
     assert mask[50, 170]
     assert not (mask & people).any()
-    assert mobile_sam.predict_masks is not predict_masks

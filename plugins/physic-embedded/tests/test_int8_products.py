@@ -75,7 +75,6 @@ def test_the_emulation_saturates_where_the_scales_do_not_prevent_it() -> None:
 
 def test_masks_in_int8_are_near_those_in_float32() -> None:
     photo = cv2.imread(str(PHOTO))
-    assert photo is not None
     image = np.ascontiguousarray(cv2.resize(photo, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)[..., ::-1])
     exact, rounded = (
         EmbeddedSegmenter(EmbeddedSegmenter.Options(products=how, threads=1)) for how in ("float32", "int8")

@@ -99,21 +99,6 @@ def test_a_graph_that_others_could_write_is_not_opened(
     assert_same(outputs(), made)
 
 
-@pytest.mark.skipif(os.name != "posix", reason="this system has no owners of files")
-def test_a_graph_of_another_user_is_not_opened(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    made, real = outputs(), Path.stat
-    [kept] = folder.iterdir()
-    forge(kept)
-
-    def stat(path: Path, **options: bool) -> os.stat_result:
-        found = real(path, **options)
-        _, (values, others) = found.__reduce__()
-        return os.stat_result((*values[:4], values[4] + (path == kept), *values[5:]), others)
-
-    monkeypatch.setattr(Path, "stat", stat)
-    assert_same(outputs(), made)
-
-
 @pytest.mark.skipif(os.name != "posix", reason="this system has no modes of files")
 def test_a_graph_is_kept_for_its_user_alone(folder: Path) -> None:
     before = os.umask(0)

@@ -115,14 +115,6 @@ def test_a_person_who_stands_elsewhere_is_left_out_of_the_scale() -> None:
     assert "1 person not used" in answer.notes[1]
 
 
-def test_people_who_disagree_make_the_scale_less_sure(world: World) -> None:
-    lower = np.array([[0.0, 0.3, 0.0], [0.0, 0.0, 0.0]], np.float32)
-    moved = replace(world.bodies.parameters, transl=world.bodies.parameters.transl + lower)
-    answer = EmbeddedMetricDepth().infer(IMAGE, replace(world.hints, bodies=replace(world.bodies, parameters=moved)))
-    assert answer.scale_sigma is not None
-    assert answer.scale_sigma > 0.1
-
-
 def move_away(world: World, person: int, factor: float) -> Hints:
     """Hints that put the feet of one person this many times as far away, at the same pixels."""
     places = world.bodies.parameters.transl.copy()
@@ -136,7 +128,6 @@ def test_a_small_person_does_not_move_the_scale_of_two_large_ones() -> None:
     world = World([(-0.6, 2.5), (0.7, 2.8), (0.3, 7.5)])
     answer = EmbeddedMetricDepth().infer(IMAGE, move_away(world, 2, 1.8))
     assert np.nanmedian(answer.depth / world.depth) == pytest.approx(1, abs=0.01)
-    assert answer.scale_sigma is not None
     assert answer.scale_sigma < 0.15
     assert "1 person" in answer.notes[1]
 
@@ -145,7 +136,6 @@ def test_a_split_vote_keeps_the_scale_of_the_best_visible_person_and_is_unsure()
     world = World([(-0.6, 2.5), (0.7, 3.0)])
     answer = EmbeddedMetricDepth().infer(IMAGE, move_away(world, 1, 1.8))
     assert np.nanmedian(answer.depth / world.depth) == pytest.approx(1, abs=0.05)
-    assert answer.scale_sigma is not None
     assert answer.scale_sigma > 0.15
     assert "best visible" in answer.notes[1]
 
@@ -164,7 +154,6 @@ def test_soles_of_a_tiny_person_do_not_outvote_a_large_one_without_visible_feet(
     observed = np.ones((2, 55), bool)
     observed[0, [JOINT_INDEX[f"{s}_{j}"] for s in ("left", "right") for j in ("ankle", "foot")]] = False
     hints = move_away(world, 1, 1.8)
-    assert hints.bodies is not None
     answer = EmbeddedMetricDepth().infer(IMAGE, replace(hints, bodies=replace(hints.bodies, observed=observed)))
     assert np.nanmedian(answer.depth / world.depth) == pytest.approx(1, abs=0.03)
     assert answer.notes[0].startswith("the scale is from the body size of 1 person")

@@ -281,7 +281,6 @@ def test_the_example_photo_has_two_count_people(people: People, image: NDArray[n
 
 
 def test_world_joints_have_the_frame_of_the_camera(people: People) -> None:
-    assert people.keypoints.world is not None
     face_on, from_behind = people.keypoints.world
     assert np.abs(face_on[[23, 24]].mean(axis=0)).max() < 0.02
     # Down is positive: nose over hips over ankles. The first man shows his face, the second the back of his head.

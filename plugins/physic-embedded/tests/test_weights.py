@@ -19,14 +19,6 @@ from physic_embedded.networks.sessions import WEIGHTS_FOLDER, open_packaged_sess
 
 MANIFEST = json.loads((WEIGHTS_FOLDER / "MANIFEST.json").read_text())
 MODELS = {entry["file"]: entry for entry in MANIFEST["models"]}
-FILES = MODELS | {entry["file"]: entry for entry in MANIFEST["weights"]}
-
-
-@pytest.mark.parametrize("name", sorted(FILES))
-def test_a_network_is_the_file_that_the_manifest_names(name: str) -> None:
-    data = (WEIGHTS_FOLDER / name).read_bytes()
-    assert len(data) == FILES[name]["bytes"]
-    assert hashlib.sha256(data).hexdigest() == FILES[name]["sha256"]
 
 
 @pytest.mark.parametrize("name", sorted(MODELS))
