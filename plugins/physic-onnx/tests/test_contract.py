@@ -27,18 +27,18 @@ def depth(dtype="float32", shape=("batch", "height", "width"), name="depth"):
 
 
 class TestOneSignature:
-    def test_a_port_is_found_by_its_name(self, file):
-        found = match(file(IMAGE, {**depth(), "extra": ("float32", ())}), [WANTED_IMAGE], [PortSpec("depth")])
-        assert (found.inputs["image"].name, found.outputs["depth"].name) == ("image", "depth")
+    @pytest.mark.parametrize(
+        ("outputs", "aliases", "name"),
+        [
+            ({**depth(), "extra": ("float32", ())}, (), "depth"),
+            (depth(name="z"), ("distance", "z"), "z"),
+            ({**depth(name="z"), **depth()}, ("z",), "depth"),
+        ],
+    )
+    def test_a_port_is_found_by_its_name_and_then_by_its_aliases(self, file, outputs, aliases, name):
+        found = match(file(IMAGE, outputs), [WANTED_IMAGE], [PortSpec("depth", aliases)])
+        assert (found.inputs["image"].name, found.outputs["depth"].name) == ("image", name)
         assert list(found.outputs) == ["depth"]
-
-    def test_a_port_is_found_by_an_alias(self, file):
-        found = match(file(IMAGE, depth(name="z")), [WANTED_IMAGE], [PortSpec("depth", ("distance", "z"))])
-        assert found.outputs["depth"].name == "z"
-
-    def test_the_name_of_a_port_precedes_its_aliases(self, file):
-        outputs = {**depth(name="z"), **depth()}
-        assert match(file(IMAGE, outputs), [WANTED_IMAGE], [PortSpec("depth", ("z",))]).outputs["depth"].name == "depth"
 
     def test_by_place_only_where_it_is_allowed(self, file):
         network, wanted = file(IMAGE, depth(name="out_0")), [PortSpec("depth", shape=(None, None, None))]

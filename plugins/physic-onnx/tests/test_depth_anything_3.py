@@ -71,21 +71,6 @@ class TestContract:
     def test_other_names_of_the_ports_are_accepted(self, contract_graph, loaded):
         loaded(DepthAnything3, contract_graph(takes="pixel_values", gives=("predicted_depth", "sky")))
 
-    def test_free_size_has_its_long_side_at_504(self, bound):
-        seen = []
-        backend = bound(
-            DepthAnything3,
-            {"image": ("float32", FORMS["free"][0])},
-            {"depth": ("float32", FORMS["free"][1]), "sky": ("float32", FORMS["free"][1])},
-            lambda shown, fed: (
-                seen.append(fed["image"].shape)
-                or {"depth": fed["image"][:, 0] + 4, "sky": np.zeros_like(fed["image"][:, 0])}
-            ),
-        )
-        backend.infer(ramp(1080, 1920, 0), hints(1500.0, 1920, 1080))
-        backend.infer(ramp(640, 480, 0), hints(500.0, 480, 640))
-        assert seen == [(1, 3, 280, 504), (1, 3, 504, 378)]
-
     def test_sky_is_where_the_score_is_high_and_has_no_depth(self, contract_graph, loaded):
         """Trap: from 0.3 on it is sky, though a reader of these files holds the opposite."""
         image = ramp(252, 252, 0)

@@ -16,16 +16,3 @@ def test_the_inverse_is_the_depth_in_units_of_the_median_distance():
     np.testing.assert_allclose(points[..., 2], depth / 3.0, rtol=1e-6)
     np.testing.assert_allclose(points[..., 0], points[..., 2] * ((np.arange(7) - 3.0) / 8.0), atol=1e-7)
     np.testing.assert_allclose(points[..., 1], points[..., 2] * ((np.arange(5) - 2.0) / 8.0)[:, None], atol=1e-7)
-
-
-def test_the_sky_has_no_depth_and_its_stand_in_is_finite():
-    disparity = np.full((40, 40), 1.0, np.float32)
-    disparity[:10] = 0.0
-    disparity[20:] = np.linspace(1, 3, 40)
-    gap, lost = clip_disparity(disparity)
-    assert lost[:10].all()
-    assert not lost[10:].any()
-    points, valid = points_from_disparity(gap, lost, Intrinsics.from_focal(50.0, 80, 80))
-    assert np.isfinite(points).all()
-    assert not valid[:19].any()
-    assert valid[21:].all()

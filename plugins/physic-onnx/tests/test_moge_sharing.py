@@ -12,7 +12,7 @@ import pytest
 from physic_core.errors import BackendError
 from physic_core.types import Hints
 from physic_onnx.moge import Moge2Depth, Moge2Pointmap, MogeOptions
-from physic_onnx.moge_network import SharedMoge, shared_moge
+from physic_onnx.moge_network import SharedMoge
 
 HEIGHT, WIDTH = 48, 64
 INPUTS = {"image": ("float32", ("b", 3, "h", "w")), "num_tokens": ("int64", ())}
@@ -132,10 +132,6 @@ def test_another_file_or_device_is_another_network(network, opened, photos):
     pointmap.infer(photos[0], Hints())
     depth.infer(photos[0], Hints())
     assert (network.runs, len(opened.count)) == (2, 2)
-
-
-def test_other_settings_are_not_shared():
-    assert shared_moge("a", "cpu", 2) is not shared_moge("a", "cpu", 3)
 
 
 def test_photo_of_the_same_bytes_and_another_shape_is_another_photo(network, opened, photos):

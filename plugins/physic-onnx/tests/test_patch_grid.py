@@ -1,34 +1,11 @@
 from __future__ import annotations
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from physic_onnx.patch_grid import input_size_by_long_side, input_size_least_scaling, limit_patches
 
 SIDES = st.integers(14, 4000)
-
-
-@pytest.mark.parametrize(
-    ("height", "width", "wanted"),
-    [
-        (1080, 1920, (518, 924)),  # larger: the short side becomes 518
-        (1920, 1080, (924, 518)),
-        (240, 320, (392, 518)),  # smaller: the long side does
-        (518, 518, (518, 518)),
-        (97, 131, (378, 518)),
-    ],
-)
-def test_one_side_becomes_518_and_the_other_a_multiple_of_14(height: int, width: int, wanted: tuple[int, int]) -> None:
-    assert input_size_least_scaling(height, width, 518) == wanted
-
-
-@pytest.mark.parametrize(
-    ("height", "width", "wanted"),
-    [(1080, 1920, (280, 504)), (480, 640, (378, 504)), (504, 378, (504, 378)), (500, 1000, (252, 504))],
-)
-def test_the_long_side_becomes_504(height: int, width: int, wanted: tuple[int, int]) -> None:
-    assert input_size_by_long_side(height, width, 504) == wanted
 
 
 @given(SIDES, SIDES)

@@ -68,20 +68,32 @@ def test_colours_are_found_where_they_are_and_in_their_order(rtmpose: Any, size:
     assert apart < 0.42  # half a pixel of the input is 0.44 px
 
 
-def test_bins_become_pixels_of_the_photo_by_mmposes_formula(tmp_path: Path, graph: Any, node: Any) -> None:
-    bins = {"simcc_x": np.zeros((1, 17, 384), np.float32), "simcc_y": np.zeros((1, 17, 512), np.float32)}
+@pytest.fixture
+def answering(tmp_path: Path, graph: Any, node: Any) -> Any:
+    """A file that answers these lines, whatever it is shown."""
+
+    def make(x: np.ndarray, y: np.ndarray) -> RtmPose:
+        held = {"simcc_x": x, "simcc_y": y}
+        path = graph(
+            tmp_path / "end2end.onnx",
+            {"input": ("float32", (1, 3, 256, 192))},
+            {name: ("float32", line.shape) for name, line in held.items()},
+            [node("Identity", [f"held_{name}"], [name]) for name in held],
+            {f"held_{name}": line for name, line in held.items()},
+        )
+        backend = RtmPose(RtmPose.Options(weights=str(path)))
+        backend.load()
+        return backend
+
+    return make
+
+
+def test_bins_become_pixels_of_the_photo_by_mmposes_formula(answering: Any) -> None:
     rng = np.random.default_rng(0)
     at_x, at_y = rng.integers(0, 384, 17), rng.integers(0, 512, 17)
-    bins["simcc_x"][0, np.arange(17), at_x], bins["simcc_y"][0, np.arange(17), at_y] = 0.9, 0.7
-    path = graph(
-        tmp_path / "end2end.onnx",
-        {"input": ("float32", (1, 3, 256, 192))},
-        {name: ("float32", held.shape) for name, held in bins.items()},
-        [node("Identity", [f"held_{name}"], [name]) for name in bins],
-        {f"held_{name}": held for name, held in bins.items()},
-    )
-    backend = RtmPose(RtmPose.Options(weights=str(path)))
-    backend.load()
+    x, y = np.zeros((1, 17, 384), np.float32), np.zeros((1, 17, 512), np.float32)
+    x[0, np.arange(17), at_x], y[0, np.arange(17), at_y] = 0.9, 0.7
+    backend = answering(x, y)
     found = backend.infer(blobs(PLACES), people(BOX, (10.0, 10.0, 200.0, 60.0)))
     for row, box in enumerate([BOX, (10.0, 10.0, 200.0, 60.0)]):
         centre, scale = region(np.array(box), 192, 256)
@@ -105,34 +117,10 @@ def test_scores_above_one_are_cut_or_divided(rtmpose: Any) -> None:
     assert (rtmpose(scale=-1.0).infer(grey // 255 * 128 + 64, people(BOX)).confidence >= 0).all()
 
 
-@pytest.mark.parametrize(("count", "skeleton"), [(17, "coco17"), (26, "halpe26"), (133, "coco_wholebody133")])
-def test_the_number_of_joints_decides_the_joint_set(rtmpose: Any, count: int, skeleton: str) -> None:
-    assert rtmpose(count=count).infer(blobs(PLACES), people(BOX)).skeleton == skeleton
-    assert rtmpose(count=count).infer(blobs(PLACES), people()).points.shape == (0, count, 2)
-
-
-def test_lines_that_do_not_fit_the_input_are_refused(tmp_path: Path, graph: Any, node: Any) -> None:
-    shapes = {"simcc_x": (1, 17, 384), "simcc_y": (1, 17, 500)}
-    path = graph(
-        tmp_path / "end2end.onnx",
-        {"input": ("float32", (1, 3, 256, 192))},
-        {name: ("float32", shape) for name, shape in shapes.items()},
-        [node("Identity", [f"held_{name}"], [name]) for name in shapes],
-        {f"held_{name}": np.zeros(shape, np.float32) for name, shape in shapes.items()},
-    )
-    backend = RtmPose(RtmPose.Options(weights=str(path)))
-    backend.load()
+def test_lines_that_do_not_fit_the_input_are_refused(answering: Any) -> None:
+    backend = answering(np.zeros((1, 17, 384), np.float32), np.zeros((1, 17, 500), np.float32))
     with pytest.raises(BackendError, match="as many bins a pixel along both"):
         backend.infer(blobs(PLACES), people(BOX))
-
-
-def test_simcc_bins_are_half_pixels_and_the_lower_maximum_counts() -> None:
-    along_x, along_y = np.zeros((1, 2, 384), np.float32), np.zeros((1, 2, 512), np.float32)
-    along_x[0, 0, 101], along_y[0, 0, 300] = 0.8, 0.6
-    along_x[0, 1, 383], along_y[0, 1, 0] = 0.3, 1.2
-    points, value = simcc_peaks(along_x, along_y)
-    assert points.tolist() == [[[50.5, 150.0], [191.5, 0.0]]]
-    assert np.allclose(value, [[0.6, 0.3]])
 
 
 def test_simcc_decodes_as_rtmlib_does() -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
-import onnx
 import pytest
 import torch
 
@@ -66,7 +65,7 @@ CENTRES = (np.arange(256) + 0.5) * 4 - 0.5
 def folder(graph, node, tmp_path_factory):
     """Files of a signature that answer the box itself as the second of three masks, and judge that one best."""
 
-    def make(signature, external=False):
+    def make(signature):
         where = tmp_path_factory.mktemp("sam2")
         inputs, outputs = ENCODER[signature]
         nodes, constants = [], {}
@@ -78,16 +77,10 @@ def folder(graph, node, tmp_path_factory):
                 node("ReduceMean", [f"means{i}"], [f"one{i}"], keepdims=0),
                 node("Expand", [f"one{i}", f"shape{i}"], [name]),
             ]
-        names = ("vision_encoder", "prompt_encoder_mask_decoder") if external else ("tiny_encoder", "tiny_decoder")
-        encoder = graph(where / f"{names[0]}.onnx", inputs, outputs, nodes, constants)
-        if external:
-            onnx.save_model(
-                onnx.load(encoder), encoder, save_as_external_data=True, location=f"{names[0]}.onnx_data",
-                size_threshold=512,
-            )  # fmt: skip
+        graph(where / "tiny_encoder.onnx", inputs, outputs, nodes, constants)
         inputs, outputs = DECODER[signature]
         mask, fit = ("pred_masks", "iou_scores") if signature == "transformers.js" else ("masks", "iou_predictions")
-        graph(where / f"{names[1]}.onnx", inputs, outputs, *decoder_body(node, signature, mask, fit))
+        graph(where / "tiny_decoder.onnx", inputs, outputs, *decoder_body(node, signature, mask, fit))
         return where
 
     return make
@@ -173,21 +166,6 @@ def test_the_mask_of_a_box_lies_at_that_box(folder, graph, node, tmp_path, signa
     assert np.abs(people.boxes - boxes).max() <= cell
     for mask, (x0, y0, x1, y1) in zip(people.masks, people.boxes.astype(int), strict=True):
         assert mask.sum() > 0.995 * mask[y0:y1, x0:x1].size, "all of it but corners"
-
-
-def test_weights_beside_the_graph_are_read(folder):
-    networks = open_sam2(folder("transformers.js", external=True), OnnxOptions(threads=1), "cpu")
-    photo = networks.encode(np.full((20, 30, 3), 255, np.uint8))
-    assert [f.shape for f in photo.features] == list(MAPS)
-    white = np.mean([(1 - m) / s for m, s in zip((0.485, 0.456, 0.406), (0.229, 0.224, 0.225), strict=True)])
-    assert photo.features[2] == pytest.approx(white, abs=5e-3)
-
-
-def test_a_lost_file_of_weights_is_named(folder):
-    where = folder("transformers.js", external=True)
-    (where / "vision_encoder.onnx_data").unlink()
-    with pytest.raises(BackendError, match=r"vision_encoder\.onnx_data is not in"):
-        open_sam2(where, OnnxOptions(threads=1), "cpu")
 
 
 def networks_of(signature, stand_in_network, answer=None, encoder_ports=None):
