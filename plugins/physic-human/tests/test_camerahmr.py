@@ -16,7 +16,7 @@ from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People
 from physic_human.camerahmr import CameraHmr, CameraHmrOptions
 from physic_human.user_smpl import open_smpl
 from physic_testing.conformance import parametrize_with_checks
-from physic_testing.worlds import World, build_world
+from physic_testing.worlds import World
 
 from .seen import CropsOnWorlds, coordinates, network_of, normalised_back, pixels, place_of, smpl_arrays, smpl_pose
 
@@ -178,13 +178,6 @@ def test_people_come_in_batches(made: Callable[..., CameraHmr]) -> None:
     assert len(bodies.parameters) == 2
 
 
-def test_missing_files_of_camerahmr_are_named(tmp_path: Path) -> None:
-    lacking = "\n".join(CameraHmr(CameraHmrOptions(checkout=str(tmp_path))).missing())
-    assert "core/camerahmr_model.py" in lacking
-    assert "register at https://camerahmr.is.tue.mpg.de" in lacking
-    assert "the SMPL model is not given: set smpl_file" in lacking
-
-
 def test_a_field_of_view_that_is_none_is_refused(made: Callable[..., CameraHmr]) -> None:
     backend = made(focal="own")
     with torch.no_grad():
@@ -244,23 +237,3 @@ OPTIONS: dict[str, str] = {}
 def test_camerahmr_conforms(check: Callable[[], None], smpl_file: Path) -> None:
     OPTIONS["smpl_file"] = str(smpl_file)
     check()
-
-
-def test_a_perfect_network_gives_the_bodies(smpl_file: Path) -> None:
-    from physic_core.body import load_body
-    from physic_core.body.convert.bodies import convert_bodies
-    from physic_core.body.parameters import rotations_from_parameters
-
-    world, model = build_world("walk"), load_body("embedded")
-    backend = CameraHmrOnWorlds(CameraHmrOptions(smpl_file=str(smpl_file)))
-    backend.load()
-    who = People(world.masks, world.boxes, np.ones(len(world.masks)))
-    given = backend.infer(world.image, who, world.intrinsics, NUM_KEYPOINTS, Hints())
-    assert given.joints is not None
-    assert 1000 * np.linalg.norm(given.joints - world.joints, axis=2)[:, :22].mean() < 40  # its shape is the mean one
-    found = convert_bodies(given, model).parameters
-    rotations = rotations_from_parameters(found)
-    posed = model(rotations, torch.from_numpy(found.betas), torch.from_numpy(found.transl)).joints.numpy()
-    apart = 1000 * np.linalg.norm(posed - world.joints, axis=2)[:, :22].mean()
-    print(f"joints {apart:.0f} mm off")
-    assert apart < 45

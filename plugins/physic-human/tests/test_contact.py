@@ -17,7 +17,7 @@ from physic_human.user_smpl import load_rest_mesh
 from physic_testing.conformance import parametrize_with_checks
 from physic_testing.worlds import World
 
-from .seen import CropsOnWorlds, coordinates, network_of, normalised_back, place_of, smpl_contact
+from .seen import CropsOnWorlds, network_of, normalised_back, place_of, smpl_contact
 
 NOBODY = empty_bodies("embedded")
 
@@ -61,26 +61,6 @@ def deco(stub: Callable[..., Path], tmp_path: Path, smpl_file: Path) -> Callable
     return make
 
 
-def test_deco_sees_blue_first(deco: Callable[..., Deco]) -> None:
-    backend = deco()
-    image = np.zeros((200, 300, 3), np.uint8)
-    image[:] = [200, 100, 10]
-    backend.infer(image, people([[100, 40, 180, 160]]), NOBODY)
-    crop = normalised_back(network_of(backend).seen[0][0])
-    np.testing.assert_allclose(crop[128, 128], [10, 100, 200], atol=0.6)
-    np.testing.assert_allclose(crop[128, 5], 255, atol=0.6)  # letterboxed on white
-
-
-def test_deco_sees_the_box_and_a_tenth_more(deco: Callable[..., Deco]) -> None:
-    backend = deco()
-    backend.infer(coordinates(200, 300), people([[100, 40, 180, 140]]), NOBODY)
-    crop = normalised_back(network_of(backend).seen[0][0])[..., ::-1]
-    columns = np.flatnonzero(np.abs(crop[128] - 255).max(axis=1) > 40)
-    place = place_of(np.where(crop > 250, 0, crop)[:, columns[0] + 2 : columns[-1] - 1], 200, 300)
-    np.testing.assert_allclose(place.step[1] * 256, 120, rtol=0.02)
-    np.testing.assert_allclose(place.origin[1], 30, atol=1.5)
-
-
 def test_deco_gives_smpls_labels_with_smpls_t_pose(deco: Callable[..., Deco], smpl_file: Path) -> None:
     found = deco().infer(np.zeros((200, 300, 3), np.uint8), people([[100, 40, 180, 140]] * 3), NOBODY)
     assert found.topology == "smpl"
@@ -103,10 +83,6 @@ def test_deco_is_called_in_batches_and_never_without_people(deco: Callable[..., 
     assert [len(seen) for seen in network_of(backend).seen] == [2, 1]
     found = backend.infer(np.zeros((200, 300, 3), np.uint8), people([]), NOBODY)
     assert found.probability.shape == (0, 6890)
-
-
-def test_a_missing_body_model_is_named() -> None:
-    assert any("the SMPL model is not given" in line for line in Deco().missing())
 
 
 class PerfectDeco:
@@ -151,20 +127,3 @@ OPTIONS: dict[str, str] = {}
 def test_deco_conforms(check: Callable[[], None], smpl_file: Path) -> None:
     OPTIONS["smpl_file"] = str(smpl_file)
     check()
-
-
-def test_labels_on_smpl_reach_the_embedded_body(smpl_file: Path) -> None:
-    from physic_core.body import load_body
-    from physic_core.body.convert.bodies import convert_contact
-    from physic_testing.worlds import build_world
-
-    world = build_world("walk")
-    backend = DecoOnWorlds(DecoOptions(smpl_file=str(smpl_file)))
-    backend.load()
-    who = People(world.masks, world.boxes, np.ones(len(world.masks)))
-    found = convert_contact(backend.infer(world.image, who, NOBODY), load_body("embedded")).probability
-    predicted, true = found > 0.5, world.contact
-    both = (predicted & true).sum()
-    f1 = 2 * both / (predicted.sum() + true.sum())
-    print(f"F1 of carried contact {f1:.2f}")
-    assert f1 > 0.8

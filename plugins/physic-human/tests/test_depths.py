@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import torch
 
-from physic_core.types import Hints, Intrinsics, Pointmap
+from physic_core.types import Hints
 from physic_human.moge import Moge1, Moge1Options
 from physic_testing.conformance import parametrize_with_checks
-from physic_testing.worlds import build_world, world_of
+from physic_testing.worlds import world_of
 
 from .seen import OnWorlds, network_of
 
@@ -68,14 +67,6 @@ def test_moges_shift_and_focal_length_are_found(moge: Moge1) -> None:
     np.testing.assert_array_equal(found.valid, u > 4)
 
 
-def test_moge_puts_points_on_the_rays_of_a_given_camera(moge: Moge1) -> None:
-    camera = Intrinsics(310.0, 310.0, 38.0, 31.0, 80, 60)
-    found = moge.infer(np.zeros((60, 80, 3), np.uint8), Hints(intrinsics=camera))
-    assert found.intrinsics == camera
-    x, y, z = found.points[40, 50]
-    np.testing.assert_allclose([310 * x / z + 38, 310 * y / z + 31], [50, 40], rtol=1e-5)
-
-
 class PerfectMoge:
     """Points of the world in the picture, in units of 2.2 m, moved by 0.7 units along z."""
 
@@ -107,13 +98,3 @@ class MogeOnWorlds(OnWorlds, Moge1):
 @parametrize_with_checks("relative_pointmap", MogeOnWorlds, capabilities={"exact"})
 def test_moge_conforms(check: Callable[[], None]) -> None:
     check()
-
-
-def test_a_perfect_network_returns_the_truth() -> None:
-    world = build_world("walk")
-    hints: Any = Hints(intrinsics=world.intrinsics)
-    points = MogeOnWorlds()
-    points.load()
-    relative: Pointmap = points.infer(world.empty_image, hints)
-    ratio = relative.points[..., 2][relative.valid] / world.empty_depth[relative.valid]
-    assert ratio.std() / ratio.mean() < 1e-3

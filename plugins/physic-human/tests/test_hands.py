@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-import pickle
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.errors import BackendError, BodyModelError, WeightsMissingError
+from physic_core.errors import BackendError
 from physic_core.types import Keypoints, People
 from physic_human.mano import mirror_rotvecs
 from physic_human.wilor import Wilor, WilorOptions
@@ -100,18 +98,6 @@ def wilor(stub: Callable[..., Path], tmp_path: Path) -> Wilor:
     return backend
 
 
-def test_wilor_sees_blue_first_since_it_exchanges_channels_itself(wilor: Wilor) -> None:
-    image = np.zeros((200, 300, 3), np.uint8)
-    image[:] = [200, 100, 10]
-    hands = wilor.infer(image, *keypoints({"right": [100, 80, 140, 120]}))
-    seen = network_of(wilor).seen[0]
-    assert seen.shape == (1, 256, 256, 3)
-    assert seen.dtype == np.float32
-    np.testing.assert_allclose(seen[0, 128, 128], [10, 100, 200], atol=1)
-    # What it calls x / 255 after its own exchange is red, green, blue.
-    np.testing.assert_allclose(hands.rotvecs[0, 1, 0], 0.5 * np.array([200, 100, 10]) / 255, atol=1e-3)
-
-
 def test_wilor_can_repeat_the_papers_exchange_of_channels(stub: Callable[..., Path], tmp_path: Path) -> None:
     checkout = stub("w", WILOR_FILES)
     options = WilorOptions(checkout=str(checkout), weights=str(wilor_files(tmp_path / "f")), swap_channels=True)
@@ -156,15 +142,6 @@ def test_photos_are_not_wilors_to_change_and_hands_come_in_batches(wilor: Wilor)
     np.testing.assert_allclose(hands.confidence, 0.9, atol=1e-6)
 
 
-def test_a_backend_without_its_checkout_is_not_loaded(tmp_path: Path) -> None:
-    backend = Wilor(WilorOptions(checkout=str(tmp_path), weights=str(tmp_path / "no")))
-    assert "wilor_mini/models/wilor.py" in "\n".join(backend.missing())
-    with pytest.raises(WeightsMissingError):
-        backend.load()
-    with pytest.raises(BackendError, match=r"call load\(\) before"):
-        backend.infer(np.zeros((200, 300, 3), np.uint8), *keypoints({}))
-
-
 def test_another_wilor_is_recognised_by_its_output(stub: Callable[..., Path], tmp_path: Path) -> None:
     text = WILOR[: WILOR.index("        return {")] + "        return pose, turned, None\n"
     checkout = stub("w", WILOR_FILES | {"wilor_mini/models/wilor.py": text})
@@ -180,23 +157,6 @@ def test_a_checkpoint_with_objects_is_read_only_if_trusted(stub: Callable[..., P
     with pytest.raises(BackendError, match="set the option trust_checkpoint = true"):
         Wilor(WilorOptions(checkout=str(checkout), weights=str(files))).load()
     Wilor(WilorOptions(checkout=str(checkout), weights=str(files), trust_checkpoint=True)).load()
-
-
-def test_mano_that_names_chumpy_is_read_without_it(wilor: Wilor) -> None:
-    """Its code reads it by ``pickle.load``, as smplx does, and chumpy is not installed."""
-    with pytest.raises(ModuleNotFoundError):
-        importlib.import_module("chumpy")
-    layer = wilor._checkout_network.network.mano
-    np.testing.assert_array_equal(layer.shapedirs, mano_arrays()["shapedirs"].astype(np.float32))
-    np.testing.assert_array_equal(layer.J_regressor, mano_arrays()["J_regressor"])
-
-
-def test_mano_that_would_run_code_is_refused(stub: Callable[..., Path], tmp_path: Path) -> None:
-    files = wilor_files(tmp_path / "f")
-    (files / "MANO_RIGHT.pkl").write_bytes(pickle.dumps({**mano_arrays(), "bs_type": print}))
-    backend = Wilor(WilorOptions(checkout=str(stub("w", WILOR_FILES)), weights=str(files)))
-    with pytest.raises(BodyModelError, match=r"builtins\.print"):
-        backend.load()
 
 
 class PerfectHands:

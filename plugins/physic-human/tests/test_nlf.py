@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -17,8 +16,8 @@ from physic_core.adapters.devices import check_device
 from physic_core.errors import BackendError
 from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People
 from physic_human.nlf import Nlf, NlfOptions
-from physic_testing.conformance import parametrize_with_checks
-from physic_testing.worlds import build_world, world_of
+from physic_testing.conformance import check_backend
+from physic_testing.worlds import world_of
 
 from .seen import smpl_pose
 
@@ -114,32 +113,18 @@ def nlf(tmp_path: Path, torchvision: ModuleType) -> Nlf:
     return backend
 
 
-def test_boxes_go_in_as_left_top_width_height(nlf: Nlf) -> None:
-    joints = ask(nlf).joints
-    assert joints is not None
-    np.testing.assert_allclose(1000 * joints[:, 1], [[10, 5, 20], [40, 10, 20]], rtol=1e-5)
-    np.testing.assert_allclose(1000 * joints[:, 2, 0], [40, 30], rtol=1e-5)
-
-
-def test_nlf_is_given_the_camera(nlf: Nlf) -> None:
-    joints = ask(nlf).joints
-    assert joints is not None
-    np.testing.assert_allclose(1000 * joints[0, 2, 1:], [500, 30], rtol=1e-5)
-
-
-def test_the_photo_goes_in_as_grey_levels_red_first(nlf: Nlf) -> None:
+def test_nlf_is_given_boxes_camera_photo_and_settings(nlf: Nlf) -> None:
+    """Boxes as left, top, width and height; grey levels, red first."""
     image = np.zeros((48, 64, 3), np.uint8)
     image[:] = [200, 100, 10]
     joints = ask(nlf, image).joints
     assert joints is not None
-    np.testing.assert_allclose(1000 * joints[0, 3], [200, 100, 10], rtol=1e-5)
-
-
-def test_nlf_is_given_the_settings(nlf: Nlf) -> None:
-    joints = ask(nlf).joints
-    assert joints is not None
-    np.testing.assert_allclose(1000 * joints[0, 4], [1.5, 0, 3], rtol=1e-5)
-    np.testing.assert_allclose(1000 * joints[0, 5, 0], 7, rtol=1e-5)
+    given = 1000 * joints
+    np.testing.assert_allclose(given[:, 1], [[10, 5, 20], [40, 10, 20]], rtol=1e-5)
+    np.testing.assert_allclose(given[:, 2], [[40, 500, 30], [30, 500, 30]], rtol=1e-5)
+    np.testing.assert_allclose(given[0, 3], [200, 100, 10], rtol=1e-5)
+    np.testing.assert_allclose(given[0, 4], [1.5, 0, 3], rtol=1e-5)
+    np.testing.assert_allclose(given[0, 5, 0], 7, rtol=1e-5)
 
 
 def test_millimetres_become_metres_and_poses_land_in_their_fields(nlf: Nlf) -> None:
@@ -290,24 +275,9 @@ class NlfOnWorlds(Nlf):
         self._network = PerfectNlf()
 
 
-@parametrize_with_checks("body_estimator", NlfOnWorlds, capabilities={"exact"})
-def test_nlf_conforms(check: Callable[[], None]) -> None:
-    check()
-
-
-@parametrize_with_checks("body_estimator", NlfOnWorlds, options={"body": "smpl"}, capabilities={"exact"})
-def test_nlf_with_smpl_conforms(check: Callable[[], None]) -> None:
-    check()
-
-
-def test_a_perfect_network_puts_joints_where_they_are() -> None:
-    world = build_world("walk")
-    backend = NlfOnWorlds()
-    backend.load()
-    who = People(world.masks, world.boxes, np.ones(len(world.masks)))
-    found = backend.infer(world.image, who, world.intrinsics, NUM_KEYPOINTS, Hints())
-    assert found.joints is not None
-    np.testing.assert_allclose(found.joints, world.joints, atol=1e-3)
+@pytest.mark.parametrize("body", ["smplx", "smpl"])
+def test_nlf_conforms(body: str) -> None:
+    check_backend(NlfOnWorlds, options={"body": body}, capabilities={"exact"}).raise_if_failed()
 
 
 @pytest.fixture(scope="module")

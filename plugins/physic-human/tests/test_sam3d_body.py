@@ -21,7 +21,7 @@ from physic_human.sam3d_body import Sam3dBody, Sam3dBodyOptions
 from physic_human.torch_guard import guarded_torch
 from physic_testing.conformance import parametrize_with_checks
 from physic_testing.conformance.true_keypoints import world_mhr_keypoints
-from physic_testing.worlds import build_world, world_of
+from physic_testing.worlds import world_of
 
 from .seen import OnWorlds, network_of
 
@@ -216,30 +216,14 @@ def test_without_a_folder_for_dinov3_nothing_is_loaded(
 ) -> None:
     monkeypatch.setattr(torch.hub, "load", lambda *_, **__: pytest.fail("it asks the hub"))
     before = torch.hub.load, torch.load
-    words = (
-        "DINOv3 is neither installed nor given: set dinov3_checkout to a checkout of "
-        "https://github.com/facebookresearch/dinov3 (git clone https://github.com/facebookresearch/dinov3 "
-        "&& git -C dinov3 checkout 6876159a11b4df116f30f667f8c9888617df0751)"
-    )
     sam = make_sam("dinov3_vith16plus")
-    assert words in sam.missing()
-    with pytest.raises(WeightsMissingError) as caught:
+    assert any("set dinov3_checkout" in line for line in sam.missing())
+    with pytest.raises(WeightsMissingError, match="set dinov3_checkout"):
         sam._build("cpu")
-    assert str(caught.value) == words
+    assert not any("dinov3" in line for line in make_sam().missing())
     assert (torch.hub.load, torch.load) == before
     other = make_sam("dinov3_vith16plus", dinov3_checkout=str(tmp_path))
     assert "dinov3/hub/backbones.py" in "\n".join(other.missing())
-
-
-def test_missing_names_the_dinov3_checkout_for_the_weights_that_need_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name in ("PHYSIC_WEIGHTS", "XDG_CACHE_HOME", "HF_HOME", "HF_HUB_CACHE"):
-        monkeypatch.setenv(name, str(tmp_path))
-    for name, needs in (("sam-3d-body-dinov3", True), ("sam-3d-body-vith", False)):
-        lacking = Sam3dBody(Sam3dBodyOptions(weights=name)).missing()
-        assert any("set dinov3_checkout" in line for line in lacking) is needs, name
-    assert Sam3dBodyOptions().weights == "sam-3d-body-vith"
 
 
 @pytest.mark.parametrize(
@@ -332,12 +316,6 @@ def test_it_needs_a_gpu_and_says_so(sam: Sam3dBody) -> None:
         sam.load("cpu")
 
 
-def test_a_network_is_not_called_without_people(sam: Sam3dBody) -> None:
-    bodies = sam.infer(np.zeros((48, 64, 3), np.uint8), people(0), CAMERA, NUM_KEYPOINTS, Hints())
-    assert len(bodies.parameters) == 0
-    assert network_of(sam).asked == []
-
-
 def test_another_number_of_people_is_refused(sam: Sam3dBody) -> None:
     network_of(sam).process_one_image = lambda *args, **rest: []
     with pytest.raises(BackendError, match="returned 0 people for 1 boxes"):
@@ -376,20 +354,3 @@ class SamOnWorlds(OnWorlds, Sam3dBody):
 @parametrize_with_checks("body_estimator", SamOnWorlds, capabilities={"exact"}, exact_limits={"MPJPE, mm": 16})
 def test_sam_3d_body_conforms(check: Callable[[], None]) -> None:
     check()
-
-
-def test_its_joints_are_enough_for_a_body() -> None:
-    from physic_core.body import load_body
-    from physic_core.body.convert.bodies import convert_bodies
-    from physic_core.body.parameters import rotations_from_parameters
-
-    world, model = build_world("walk"), load_body("embedded")
-    backend = SamOnWorlds()
-    backend.load()
-    who = People(world.masks, world.boxes, np.ones(len(world.masks)))
-    found = convert_bodies(backend.infer(world.image, who, world.intrinsics, NUM_KEYPOINTS, Hints()), model).parameters
-    rotations = rotations_from_parameters(found)
-    posed = model(rotations, torch.from_numpy(found.betas), torch.from_numpy(found.transl)).joints.numpy()
-    apart = 1000 * np.linalg.norm(posed - world.joints, axis=2)[:, :22].mean()
-    print(f"joints {apart:.0f} mm off")
-    assert apart < 40

@@ -47,13 +47,6 @@ def in_hub_cache(folder: Path, cache: Path, repository: str) -> None:
     (place / "refs" / "main").write_text("0123abcd")
 
 
-def test_a_model_is_found_by_its_folder(saved: Callable[..., Path]) -> None:
-    backend = ZoeDepth(ZoeDepthOptions(weights=str(saved("zoedepth"))))
-    assert backend.missing() == ()
-    backend.load()
-    assert backend.infer(GREY, Hints()).depth.shape == (60, 80)
-
-
 def test_a_model_is_found_by_its_name_in_a_folder_of_weights(saved: Callable[..., Path], tmp_path: Path) -> None:
     name = ZoeDepthOptions().weights
     backend = ZoeDepth()
@@ -63,12 +56,6 @@ def test_a_model_is_found_by_its_name_in_a_folder_of_weights(saved: Callable[...
     assert backend.missing() == ()
     backend.load()
     backend.infer(GREY, Hints())
-
-
-def test_a_model_is_found_by_its_name_in_the_cache_of_the_hub(saved: Callable[..., Path], tmp_path: Path) -> None:
-    repository = "Intel/zoedepth-nyu-kitti"
-    in_hub_cache(saved("zoedepth"), tmp_path / "hub", repository)
-    ZoeDepth().load()
 
 
 def test_a_model_is_found_by_its_repository_in_the_cache_of_the_hub(saved: Callable[..., Path], tmp_path: Path) -> None:
@@ -89,16 +76,6 @@ def test_a_repository_that_is_not_cached_is_not_fetched() -> None:
     assert backend.fingerprint() == ""
     with pytest.raises(WeightsMissingError, match="run `hf download somebody/finetuned` first"):
         backend.load()
-
-
-def test_a_repository_of_the_list_is_called_by_its_name_in_the_list() -> None:
-    backend = Sam3(Sam3Options(weights="facebook/sam3"))
-    assert "run `physic weights fetch sam3-hf` first" in backend.missing()[0]
-
-
-def test_every_missing_network_of_a_backend_is_named() -> None:
-    problem = GroundedSam2().missing()
-    assert [text.split("'")[1] for text in problem] == ["grounding-dino-base-hf", "sam2.1-hiera-large-hf"]
 
 
 def test_a_gated_model_is_reported_as_gated() -> None:
@@ -174,16 +151,6 @@ def test_half_precision_is_refused_on_a_cpu_and_bfloat16_is_not(saved: Callable[
     backend.load()
     assert backend.network()._model.dtype.itemsize == 2
     assert backend.infer(GREY, Hints()).depth.dtype == np.float32
-
-
-def test_a_gpu_that_is_not_there_is_refused_before_anything_is_read() -> None:
-    with pytest.raises(DeviceError):
-        DepthPro().load("cuda:99")
-
-
-def test_a_backend_that_is_not_loaded_is_an_error() -> None:
-    with pytest.raises(BackendError, match=r"DepthPro is not loaded: call load\(\)"):
-        DepthPro().infer(GREY, Hints())
 
 
 def test_threads_are_given_back_after_the_call(saved: Callable[..., Path]) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -119,13 +118,6 @@ class TestDepthPro:
         backend = given(DepthPro(DepthProOptions(**options)), weights=Recorded(self.CONFIG, out))
         return backend.infer(WIDE, hints)
 
-    def test_the_angle_is_that_of_the_width_in_degrees(self) -> None:
-        answer = self.asked(0.5, 90.0)
-        assert answer.intrinsics == replace(Intrinsics.from_focal(answer.intrinsics.fx, 100, 60), source="DepthPro")
-        assert answer.intrinsics.fx == pytest.approx(50.0)
-        np.testing.assert_allclose(answer.depth, 1 / (0.5 * 100 / 50), rtol=1e-5)
-        assert answer.notes == ("focal length 50 px from DepthPro",)
-
     def test_a_known_focal_length_scales_the_depth(self) -> None:
         known = Intrinsics.from_focal(200.0, 100, 60, "EXIF")
         answer = self.asked(0.5, 90.0, Hints(intrinsics=known))
@@ -201,11 +193,6 @@ class TestGroundedSam2:
         for mask, (x0, y0, x1, y1) in zip(logits[0, :, 0], boxes, strict=True):
             mask[y0:y1, x0:x1] = 5.0
         return tensors(pred_masks=logits)
-
-    def test_its_words_and_thresholds_are_those_of_the_release(self) -> None:
-        options = GroundedSam2Options()
-        assert (options.people_words, options.floor_words) == ("person.", "ground, floor, carpet.")
-        assert (options.box_threshold, options.text_threshold, options.person_score) == (0.3, 0.25, 0.45)
 
     def test_words_are_lower_case_and_end_with_a_dot(self) -> None:
         assert format_prompt(" A Person") == "a person."
@@ -318,25 +305,9 @@ class TestSam3:
         assert floor[45:, :48].all()
         assert floor[45:, 52:].all()
         assert not floor[:38].any()
-
-    def test_the_floor_is_the_pixels_of_its_word(self) -> None:
-        answer, _ = self.run(self.out(9.0, (3.0, (0.1, 0.2, 0.4, 0.9))))
-        assert answer.floor is not None
-        assert answer.floor[50, 80]
-        assert not answer.floor[30, 80]
-        assert not (answer.floor & answer.masks.any(0)).any()
-        assert self.run(self.out(9.0, (3.0, (0.1, 0.2, 0.4, 0.9))), floor_words=" , .")[0].floor is None
+        assert self.run(person, floor_words=" , .")[0].floor is None
 
 
 class TestEomt:
-    def test_classes_that_are_only_counted_are_those_of_coco_panoptic(self) -> None:
-        names = class_names({i: f"LABEL_{i}" for i in range(133)})
-        assert (names[0], names[87], names[122], names[132]) == (
-            "person",
-            "floor-wood",
-            "floor-other-merged",
-            "rug-merged",
-        )
-
     def test_named_classes_are_taken_in_the_order_of_their_numbers(self) -> None:
         assert class_names({"10": "ten", "2": "person"}) == ("person", "ten")
