@@ -63,63 +63,37 @@ def test_a_plugin_adds_an_executor(plugin: Any, photos: Path):
 
 
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("options", "words"),
     [
-        (("--executor", "queue", "--executor-set", "x=1"), "the executor 'queue' has no such setting; it has reason"),
-        (
-            ("--executor", "local", "--address", "auto"),
-            "--address is for clusters; the executor 'local' uses this machine (see --executor)",
-        ),
-        (
-            ("--executor-set", "cpus=2"),
-            "--executor-set is for clusters; the executor 'local' uses this machine (see --executor)",
-        ),
+        (("--executor", "queue", "--executor-set", "x=1"), "no such setting; it has reason"),
+        (("--executor", "local", "--address", "auto"), "--address is for clusters"),
+        (("--executor-set", "cpus=2"), "--executor-set is for clusters"),
     ],
 )
-def test_settings_that_an_executor_does_not_have(plugin: Any, photos: Path, options: tuple[str, ...], message: str):
+def test_settings_that_an_executor_does_not_have(plugin: Any, photos: Path, options: tuple[str, ...], words: str):
     done = physic(*options)
-    assert (done.exit_code, done.stderr) == (2, f"Error: {message}\n")
+    assert (done.exit_code, words in done.stderr) == (2, True)
     assert not Path("out").exists()
 
 
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("slurm", "no executor named 'slurm'; there are: local, ray"),
-        (
-            "ray",
-            "the executor 'ray' needs physic-ray, which is not installed, or hidden by PHYSIC_PLUGINS='physic-mock': "
-            "`pip install -e contrib/physic-ray` in a checkout of PhySIC",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("name", "words"), [("slurm", "there are: local, ray"), ("ray", "needs physic-ray")])
 def test_a_name_that_is_not_installed_is_explained(
-    monkeypatch: pytest.MonkeyPatch, photos: Path, name: str, message: str
+    monkeypatch: pytest.MonkeyPatch, photos: Path, name: str, words: str
 ):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
     done = physic("--executor", name)
-    assert (done.exit_code, done.stderr) == (2, f"Error: {message}\n")
+    assert (done.exit_code, words in done.stderr) == (2, True)
 
 
 @pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        (
-            "lost",
-            "the executor 'lost' of physic-queue 1.0 cannot be imported: "
-            "ModuleNotFoundError: No module named 'physic_queue_nowhere'",
-        ),
-        ("number", "the executor 'number' should return a function, got int"),
-    ],
+    ("name", "words"), [("lost", "'lost' of physic-queue 1.0 .*physic_queue_nowhere"), ("number", "'number' .*got int")]
 )
-def test_a_broken_executor_names_its_plugin(plugin: Any, name: str, message: str):
-    with pytest.raises(PluginError) as error:
+def test_a_broken_executor_names_its_plugin(plugin: Any, name: str, words: str):
+    with pytest.raises(PluginError, match=words):
         open_executor(name, ExecutorSettings())
-    assert str(error.value) == message
 
 
 def test_a_name_that_two_plugins_offer_is_refused(plugin: Any):
     plugin.install("physic-other", EXECUTOR, entry=ENTRIES, group="physic.executors")
-    with pytest.raises(ConfigError) as error:
+    with pytest.raises(ConfigError, match="physic-other and physic-queue"):
         open_executor("queue", ExecutorSettings())
-    assert str(error.value) == "the executor 'queue' is offered by physic-other and physic-queue: uninstall one of them"

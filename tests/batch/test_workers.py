@@ -77,9 +77,8 @@ def test_a_hanging_task_is_ended_after_its_time_limit(standin: ModuleType):
     ],
 )
 def test_workers_that_cannot_start_end_the_batch_at_once(standin: ModuleType, name: str, kind: type, message: str):
-    with pytest.raises(kind) as error:
+    with pytest.raises(kind, match=message):
         list(run_in_workers(["a", "b", "c"], getattr(standin, name), WorkerSettings(3)))
-    assert str(error.value) == message
 
 
 def test_the_number_of_workers_may_depend_on_the_memory_of_the_first(standin: ModuleType, tmp_path: Path):

@@ -109,18 +109,16 @@ def test_run_without_a_plugin_for_the_page_says_so_in_one_line(pipeline, monkeyp
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
     default = [argument for argument in run() if argument != "--no-report"]
     done = physic(*default)
-    line = (
-        "report.html is made by physic-viewer, which is not installed, or hidden by PHYSIC_PLUGINS='physic-mock': "
-        "`pip install -e plugins/physic-viewer` in a checkout of PhySIC"
-    )
     assert (done.exit_code, done.stdout) == (0, SUMMARY)
-    assert done.stderr == f"no page: {line}\n{STEPS}"
+    assert done.stderr.startswith("no page: ")
+    assert done.stderr.endswith(STEPS)
+    assert "physic-viewer" in done.stderr
     assert sorted(path.name for path in Path("photo-physic").iterdir()) == ["people.csv", *ARRAYS]
     assert physic(*default, "-q").stderr == "warning: no floor was found\n"
     assert physic(*run()).stderr == STEPS
     pipeline.calls.clear()
     for option in ("--report", "--open"):
-        assert refusal(*default, option, code=4) == line
+        assert "physic-viewer" in refusal(*default, option, code=4)
     assert pipeline.calls == []
 
 
@@ -282,24 +280,23 @@ def offers() -> Registry:
 
 
 def test_the_listing_marks_ready_refused_slow_broken_and_ambiguous_backends():
-    assert plugins_table(offers()).splitlines() == [
-        "interface  backend  plugin    version  weights          needs                     status",
-        "inpainter  x        physic-a  1.0      MIT, Apache-2.0  -                         "
-        "ready: physic-b offers this name too: write 'physic-a:x'",
-        "inpainter  x        physic-b  2.0      -                -                         "
-        "ready: physic-a offers this name too: write 'physic-b:x', slow: 2.1 s to register",
-        "segmenter  big      physic-b  2.0      -                a checkpoint, no_package  "
-        "NOT READY: not installed: no_package, slow: 2.1 s to register",
-        "segmenter  file     physic-a  1.0      -                a checkpoint              "
-        "unsure: needs a checkpoint; `physic plugins doctor file` checks it",
-        "segmenter  gone     physic-a  1.0      -                -                         "
-        "BROKEN: there is no module 'no_package.net' for its target no_package.net:C",
-        "segmenter  moved    physic-a  1.0      -                -                         "
-        "unsure: no file of the module 'json.gone' is found; `physic plugins doctor moved` checks it",
-        "segmenter  new      physic-a  1.0      -                -                         "
-        "REFUSED: needs plugin API 2, this physic-core has 1",
-        "-          -        physic-c  0.3      -                -                         BROKEN: ImportError: no",
-    ]
+    head, *rows = plugins_table(offers()).splitlines()
+    assert head.split() == ["interface", "backend", "plugin", "version", "weights", "needs", "status"]
+    for row, words in zip(
+        rows,
+        (
+            ("MIT, Apache-2.0", "ready: ", "'physic-a:x'"),
+            ("ready: ", "'physic-b:x'", "slow: 2.1 s"),
+            ("NOT READY: ", "no_package", "slow: 2.1 s"),
+            ("unsure: ", "a checkpoint", "`physic plugins doctor file`"),
+            ("BROKEN: ", "no_package.net"),
+            ("unsure: ", "json.gone"),
+            ("REFUSED: ", "API 2"),
+            ("physic-c", "BROKEN: ImportError: no"),
+        ),
+        strict=True,
+    ):
+        assert all(word in row for word in words), row
 
 
 def test_a_backend_that_needs_a_gpu_is_ready_with_one_only():
@@ -354,34 +351,16 @@ def test_weights_that_no_manifest_lists_leave_a_backend_unsure(tmp_path):
     record = BackendRecord("segmenter", "net", "json:C", api=1, weights=("nowhere",))
     registry = Registry([BackendOffer(record, A)], installed=False)
     (found,) = plugins_as_dicts(registry)["backends"]
-    assert (found["status"], found["why"]) == (
-        "unsure",
-        "no manifest of its plugin lists all of the weights nowhere; `physic plugins doctor net` checks it",
-    )
+    assert found["status"] == "unsure"
+    assert "nowhere" in found["why"]
 
 
 def test_the_listing_is_there_for_machines_too():
     found = plugins_as_dicts(offers(), "segmenter")
     statuses = {b["backend"]: b["status"] for b in found["backends"]}
     assert statuses == {"big": "not ready", "file": "unsure", "gone": "broken", "moved": "unsure", "new": "refused"}
-    assert found["backends"][0] == {
-        "interface": "segmenter",
-        "backend": "big",
-        "plugin": "b",
-        "distribution": "physic-b",
-        "version": "2.0",
-        "api": 1,
-        "summary": "People.",
-        "weights_license": "",
-        "needs": ["a checkpoint"],
-        "packages": ["no_package"],
-        "weights": [],
-        "homepage": "",
-        "target": "json:dumps",
-        "status": "not ready",
-        "why": "not installed: no_package",
-        "seconds_to_register": 2.13,
-    }
+    big = found["backends"][0]
+    assert (big["distribution"], big["packages"], big["seconds_to_register"]) == ("physic-b", ["no_package"], 2.13)
     assert found["broken"] == [
         {"plugin": "c", "distribution": "physic-c", "version": "0.3", "cause": "ImportError: no"}
     ]
@@ -396,18 +375,9 @@ def test_details_show_what_a_backend_is():
         "inpainter", "telea", "physic_opencv.inpaint:Telea", api=1, summary="Fast marching.", homepage="docs"
     )
     registry.register(record, A)
-    assert details(registry, "telea").splitlines()[:8] == [
-        "inpainter 'telea'",
-        "  Fast marching.",
-        "  plugin    physic-a 1.0",
-        "  class     physic_opencv.inpaint:Telea",
-        "  weights   none",
-        "  needs     nothing else",
-        "  homepage  docs",
-        "  status    ready",
-    ]
-    assert re.fullmatch(r"  source    .*inpaint\.py", details(registry, "telea").splitlines()[8])
-    assert "radius_px" in details(registry, "telea")
+    shown = details(registry, "telea")
+    for words in ("Fast marching.", "physic-a 1.0", "physic_opencv.inpaint:Telea", "ready", "inpaint.py", "radius_px"):
+        assert words in shown
 
 
 def test_details_of_a_class_that_is_broken_keep_the_rest():
@@ -420,10 +390,7 @@ def test_a_plugin_that_is_broken_never_breaks_a_command(site, monkeypatch):
     site.install("physic-bad", "import no_such_module\n", version="0.3")
     done = physic("plugins")
     assert done.exit_code == 0
-    assert done.stdout.splitlines()[-1].split(None, 6) == [
-        *("-", "-", "physic-bad", "0.3", "-", "-"),
-        "BROKEN: ModuleNotFoundError: No module named 'no_such_module' (physic_bad.py:1)",
-    ]
+    assert re.search(r"physic-bad +0\.3 .* BROKEN: .*no_such_module", done.stdout.splitlines()[-1])
 
 
 def test_check_prints_ok_or_the_faults():

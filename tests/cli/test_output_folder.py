@@ -89,9 +89,6 @@ def test_the_result_of_another_photo_is_refused_before_computing_and_replaced_wi
     assert folder_of(run(photo("x/a.jpg"), "-o", "out")) == "out"
     assert folder_of(run("x/a.jpg", "-o", "out")) == "out"
     done = run(photo("b.jpg"), "-o", "out")
-    assert done.stderr == (
-        "Error: cannot write results to out: it holds the result of another photo: name another folder, or replace "
-        "that result with --overwrite (overwrite=True in Python)\n"
-    )
+    assert "the result of another photo" in done.stderr
     assert len(asked) == 2
     assert folder_of(run("b.jpg", "-o", "out", "--overwrite")) == "out"

@@ -46,12 +46,12 @@ def truncated(path: Path) -> None:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda path: None, "cannot read the photo a.jpg: there is no such file; check the path"),
-        (lambda path: path.mkdir(), "cannot read the photo a.jpg: it is a folder; name one image file; for many, type"),
-        (lambda path: path.write_text("a letter"), "cannot read the photo a.jpg: it is not an image"),
-        (lambda path: path.touch(), "cannot read the photo a.jpg: the file is empty (0 bytes); copy it again"),
-        (truncated, "cannot read the photo a.jpg: its data are damaged or truncated; copy it again from where it came"),
-        (lambda path: Image.new("RGB", (8, 8)).save(path), "cannot use the photo a.jpg: it is 8 x 8 px"),
+        (lambda path: None, "there is no such file"),
+        (lambda path: path.mkdir(), "it is a folder"),
+        (lambda path: path.write_text("a letter"), "it is not an image"),
+        (lambda path: path.touch(), "the file is empty"),
+        (truncated, "damaged or truncated"),
+        (lambda path: Image.new("RGB", (8, 8)).save(path), "it is 8 x 8 px"),
     ],
 )
 def test_a_bad_photo_is_one_message_and_leaves_nothing(make: Callable[[Path], object], message: str):
@@ -59,7 +59,7 @@ def test_a_bad_photo_is_one_message_and_leaves_nothing(make: Callable[[Path], ob
     before = sorted(Path().iterdir())
     done = run("a.jpg")
     assert (done.exit_code, done.stdout, done.stderr.count("\n")) == (3, "", 1)
-    assert done.stderr.startswith(f"Error: {message}")
+    assert message in done.stderr
     assert sorted(Path().iterdir()) == before
 
 

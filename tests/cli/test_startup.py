@@ -37,6 +37,7 @@ def imports(arguments: list[str], banned: set[str], ends: tuple[int, ...] = (0,)
         ["batch", "--help"],
         ["config", "show"],
         ["config", "--help"],
+        ["bench", "accuracy", "--help"],
     ],
     ids=" ".join,
 )
