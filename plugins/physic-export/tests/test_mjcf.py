@@ -25,6 +25,15 @@ def file(result: Reconstruction, tmp_path_factory: pytest.TempPathFactory) -> Pa
     return result.export(str(tmp_path_factory.mktemp("mjcf") / "a.xml")).files[0]
 
 
+def opened(file: Path):
+    """MuJoCo, and its model and data of a file in the pose of the photo."""
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_path(str(file))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return mujoco, model, data
+
+
 def upright_points(result: Reconstruction) -> np.ndarray:
     matrix = export_frame(result.scene.floor, "z").from_camera
     points = transform_points(matrix, result.scene.points)
@@ -107,10 +116,7 @@ def middle_of_table(points: np.ndarray) -> np.ndarray:
 
 
 def test_rigid_people_are_mocap_bodies_at_the_pelvis_with_a_hull_per_part(result: Reconstruction, export):
-    mujoco = pytest.importorskip("mujoco")
-    model = mujoco.MjModel.from_xml_path(str(export("a.xml", rigid=True).files[0]))
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
+    _, model, data = opened(export("a.xml", rigid=True).files[0])
     np.testing.assert_allclose(model.opt.gravity, [0, 0, -9.81])
     matrix = export_frame(result.scene.floor, "z").from_camera
     for index, person in enumerate(result.people):
@@ -134,10 +140,7 @@ def joint_places(model, data, person: int) -> np.ndarray:
 
 
 def test_people_have_joints_at_the_pose_and_the_mass_of_their_volume(result: Reconstruction, file: Path):
-    mujoco = pytest.importorskip("mujoco")
-    model = mujoco.MjModel.from_xml_path(str(file))
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
+    mujoco, model, data = opened(file)
     matrix = export_frame(result.scene.floor, "z").from_camera
     for index, person in enumerate(result.people):
         wanted = transform_points(matrix, person.joints[:22])
@@ -152,9 +155,7 @@ def test_people_have_joints_at_the_pose_and_the_mass_of_their_volume(result: Rec
 
 
 def test_actuators_with_the_controls_of_the_keyframe_hold_the_pose(file: Path):
-    mujoco = pytest.importorskip("mujoco")
-    model = mujoco.MjModel.from_xml_path(str(file))
-    data = mujoco.MjData(model)
+    mujoco, model, data = opened(file)
     assert model.nu == 2 * 51
     mujoco.mj_resetDataKeyframe(model, data, model.key("photo").id)
     np.testing.assert_allclose(data.qpos, model.qpos0, atol=1e-6)
@@ -173,8 +174,7 @@ def test_actuators_with_the_controls_of_the_keyframe_hold_the_pose(file: Path):
 
 
 def test_an_actuator_has_its_whole_torque_at_three_degrees(file: Path):
-    mujoco = pytest.importorskip("mujoco")
-    model = mujoco.MjModel.from_xml_path(str(file))
+    _, model, _ = opened(file)
     knee = model.actuator("person_0_left_knee_x").id
     mass = model.body_subtreemass[model.body("person_0").id]
     assert model.actuator_forcerange[knee, 1] == pytest.approx(150 / 45 * mass, rel=1e-3)
@@ -183,10 +183,7 @@ def test_an_actuator_has_its_whole_torque_at_three_degrees(file: Path):
 
 
 def test_the_scene_is_one_textured_mesh_that_does_not_collide(result: Reconstruction, file: Path):
-    mujoco = pytest.importorskip("mujoco")
-    model = mujoco.MjModel.from_xml_path(str(file))
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
+    _, model, data = opened(file)
     scene = model.geom("scene")
     assert (int(scene.contype[0]), int(scene.conaffinity[0]), int(scene.group[0])) == (0, 0, 2)
     assert {int(model.geom(f"scene_{number}").group[0]) for number in range(5)} == {3}
@@ -214,9 +211,7 @@ def corners(model, mesh: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_angles_of_zero_are_a_t_pose(file: Path):
-    mujoco = pytest.importorskip("mujoco")
-    model = mujoco.MjModel.from_xml_path(str(file))
-    data = mujoco.MjData(model)
+    mujoco, model, data = opened(file)
     data.qpos[model.jnt_qposadr[model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE]] = 0
     mujoco.mj_forward(model, data)
     pelvis = data.body("person_0")
@@ -232,8 +227,7 @@ def test_angles_of_zero_are_a_t_pose(file: Path):
 
 
 def test_people_do_not_collide_with_themselves(file: Path):
-    mujoco = pytest.importorskip("mujoco")
-    model = mujoco.MjModel.from_xml_path(str(file))
+    _, model, _ = opened(file)
     first, second, floor = (model.geom(name) for name in ("person_0_head", "person_1_head", "floor"))
 
     def collide(one, other) -> bool:
@@ -269,10 +263,7 @@ def tile_depths(tile: Tile, points: np.ndarray) -> np.ndarray:
 
 
 def test_arms_are_capsules_and_feet_have_soles_on_one_level(result: Reconstruction, file: Path):
-    mujoco = pytest.importorskip("mujoco")
-    model = mujoco.MjModel.from_xml_path(str(file))
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
+    mujoco, model, data = opened(file)
     for limb in ("left_shoulder", "right_elbow"):
         assert model.geom(f"person_0_{limb}").type[0] == mujoco.mjtGeom.mjGEOM_CAPSULE
     for part in ("left_ankle", "right_foot"):
@@ -287,14 +278,11 @@ def test_the_error_of_the_collision_mesh_is_stated(export):
 
 
 def test_the_camera_has_the_field_of_view_of_the_photo(result: Reconstruction, file: Path):
-    mujoco = pytest.importorskip("mujoco")
-    model = mujoco.MjModel.from_xml_path(str(file))
+    _, model, data = opened(file)
     camera = result.intrinsics
     assert model.cam("photo").fovy[0] == pytest.approx(
         2 * np.rad2deg(np.arctan(camera.height / camera.fy / 2)), abs=1e-4
     )
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
     up = export_frame(result.scene.floor, "z").from_camera
     np.testing.assert_allclose(data.cam("photo").xpos, up[:3, 3], atol=1e-5)
     np.testing.assert_allclose(-data.cam("photo").xmat.reshape(3, 3)[:, 2], up[:3, 2], atol=1e-5)

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import os
-import re
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from physic_core import Reconstruction, find_exporter
+from physic_core import Reconstruction, export_reconstruction, find_exporter
 from physic_core.cli import main
 from physic_core.discovery.catalog import EXPORTERS
 from physic_core.errors import InputError, OutputError
@@ -62,39 +63,45 @@ def test_a_suffix_selects_a_format(suffix: str, name: str):
 @pytest.mark.parametrize(
     ("name", "suffix", "message"),
     [
-        (
-            None,
-            ".stl",
-            f"no export format is given, and '.stl' is the suffix of none: choose one of {NAMES} (--to, or format= in "
-            "Python)",
-        ),
-        (None, "", f"no export format is given, and the path has no suffix: choose one of {NAMES} (--to"),
-        ("smplx", "", f"there is no export format 'smplx': choose one of {NAMES}"),
-        ("fbx", "", "cannot export to 'fbx': FBX is a closed format that PhySIC does not write"),
-        (None, ".pkl", "cannot export to 'pkl': pickles can run code when they are read: use --to amass"),
+        (None, ".stl", "'.stl' is the suffix of none"),
+        (None, "", "no suffix"),
+        ("smplx", "", "no export format 'smplx'"),
+        ("fbx", "", "FBX is a closed format"),
+        (None, ".pkl", "pickles can run code"),
     ],
 )
 def test_an_unknown_format_is_refused(name: str | None, suffix: str, message: str):
-    with pytest.raises(InputError, match=re.escape(message)):
+    with pytest.raises(InputError, match=message):
         find_exporter(name, suffix)
 
 
+def unchanged(result: Reconstruction) -> Reconstruction:
+    return result
+
+
 @pytest.mark.parametrize(
-    ("lost", "options", "message"),
+    ("change", "name", "options", "message"),
     [
-        ((), {"person": 2}, "there is no person 2: people are numbered 0 to 1"),
-        ((0,), {"person": 0}, "person 0 has no body, only a box and keypoints"),
-        ((0, 1), {}, "cannot export to bvh, which holds people: no person of this result has a body"),
-        ((), {"up": "camera"}, "bvh is written with --up y or z, not 'camera'"),
+        (unchanged, "a.bvh", {"person": 2}, "no person 2"),
+        (lambda result: without_body(result, 0), "a.bvh", {"person": 0}, "person 0 has no body"),
+        (lambda result: without_body(without_body(result, 0), 1), "a.bvh", {}, "no person of this result has a body"),
+        (lambda result: replace(result, people=()), "a.bvh", {}, "no people"),
+        (lambda result: replace(result, people=()), "a.glb", {"person": 0}, "no person 0"),
+        (unchanged, "a.bvh", {"up": "camera"}, "--up y or z"),
+        (without_floor, "a.xml", {}, "z up needs"),
+        (unchanged, "a.ply", {"format": "obj"}, r"\.obj"),
     ],
 )
-def test_what_a_format_needs_of_people(
-    result: Reconstruction, tmp_path: Path, lost: tuple[int, ...], options: dict[str, object], message: str
+def test_what_a_format_needs(
+    result: Reconstruction,
+    tmp_path: Path,
+    change: Callable[[Reconstruction], Reconstruction],
+    name: str,
+    options: dict[str, Any],
+    message: str,
 ):
-    for index in lost:
-        result = without_body(result, index)
     with pytest.raises(InputError, match=message):
-        result.export(str(tmp_path / "a.bvh"), **options)
+        export_reconstruction(change(result), tmp_path / name, **options)
     assert not list(tmp_path.iterdir())
 
 
@@ -102,18 +109,6 @@ def test_a_person_without_a_body_is_left_out_with_a_note(result: Reconstruction,
     done = export("a.bvh", of=without_body(result, 0))
     assert done.files == (tmp_path / "a.bvh",)
     assert done.notes[0] == "person 0 has no body and is skipped"
-
-
-def test_a_scene_without_people_has_no_bodies_to_export(result: Reconstruction, tmp_path: Path):
-    with pytest.raises(InputError, match=r"this result has no people$"):
-        replace(result, people=()).export(str(tmp_path / "a.bvh"))
-    with pytest.raises(InputError, match=r"^there is no person 0"):
-        replace(result, people=()).export(str(tmp_path / "a.glb"), person=0)
-
-
-def test_z_up_needs_a_floor(result: Reconstruction, tmp_path: Path):
-    with pytest.raises(InputError, match=r"^z up needs"):
-        without_floor(result).export(str(tmp_path / "a.xml"))
 
 
 def test_several_people_are_numbered_and_one_is_not(export, tmp_path: Path):
@@ -162,11 +157,6 @@ def test_the_photo_and_links_are_never_replaced(result: Reconstruction, tmp_path
         replace(result, photo=photo).export(tmp_path / "a.xml", overwrite=True)
     assert there.read_bytes() == b"mine"
     assert not (tmp_path / "a.xml").exists()
-
-
-def test_a_suffix_of_another_format_is_refused(export, tmp_path: Path):
-    with pytest.raises(InputError, match=r"does not end in \.obj"):
-        export("a.ply", "obj")
 
 
 def test_the_command_writes_into_the_result_and_prints_the_files(saved_pair: Path):

@@ -19,7 +19,6 @@ from physic_core.body import load_body
 from physic_core.types import CheckResult, UnposedPerson
 from physic_core.visual.report import PAGE_MARK
 from physic_core.visual.surface import depth_limit, mesh_scene
-from physic_viewer.report.packing import pack_flags, pack_indices, pack_points
 from physic_viewer.report.page import failure_html, report_html
 from physic_viewer.report.surfaces import MAX_FULL_BODIES, pack_bodies, pack_scene
 
@@ -74,21 +73,6 @@ def standing(reconstruction):
             )
         )
     return replace(reconstruction, people=tuple(people), faces=model.faces.numpy().astype(np.int32))
-
-
-def test_points_come_back_within_half_a_step():
-    points = np.random.default_rng(0).uniform(-10, 10, (1000, 3))
-    packed = pack_points(points)
-    assert np.abs(points_of(packed) - points).max() <= max(packed["step"]) * 0.5001 < 1.6e-4
-
-
-def test_flags_and_indices_come_back():
-    flags = np.random.default_rng(0).random(77) > 0.5
-    np.testing.assert_array_equal(flags_of(pack_flags(flags), 77), flags)
-    for largest, bits in ((65535, 16), (65536, 32)):
-        packed = pack_indices(np.array([0, largest]))
-        assert packed["bits"] == bits
-        assert np.frombuffer(base64.b64decode(packed["data"]), f"<u{bits // 8}").tolist() == [0, largest]
 
 
 @pytest.mark.parametrize("size", [(160, 120), (800, 600)], ids=["every pixel", "every second pixel"])

@@ -64,6 +64,23 @@ def overview(page):
     return page.picture("#view")
 
 
+@pytest.fixture
+def show(chromium, tmp_path):
+    """Open the page of a result, until the test ends."""
+    pages = []
+
+    def open_page(result):
+        path = tmp_path / "report.html"
+        path.write_text(report_html(result), encoding="utf-8")
+        pages.append(chromium.open(path.as_uri(), 960, 600))
+        pages[-1].wait(READY)
+        return pages[-1]
+
+    yield open_page
+    for page in pages:
+        page.close()
+
+
 def text(page, selector: str) -> str:
     return page.evaluate(f"document.querySelector({json.dumps(selector)}).innerText")
 
@@ -114,13 +131,10 @@ def test_contact_is_red_on_the_bodies_only_while_it_is_chosen(page):
     assert shown > hidden + 300
 
 
-def test_the_legend_names_the_colours_that_the_bodies_show(chromium, tmp_path, page, make):
+def test_the_legend_names_the_colours_that_the_bodies_show(page, make, show):
     made = make()
-    path = tmp_path / "report.html"
     unsure = [replace(p, contact_probability=np.full(len(p.vertices), 0.4, np.float16)) for p in made.people]
-    path.write_text(report_html(replace(made, people=tuple(unsure))), encoding="utf-8")
-    other = chromium.open(path.as_uri(), 900, 600)
-    other.wait(READY)
+    other = show(replace(made, people=tuple(unsure)))
     for opened, labels in ((page, ["Contact with", "anything"]), (other, ["Contact with", "floor", FAINT])):
         assert text(opened, "#legend") == "what the photo does not show"
         click(opened, "[value=neutral]")
@@ -131,22 +145,17 @@ def test_the_legend_names_the_colours_that_the_bodies_show(chromium, tmp_path, p
     dot = "getComputedStyle(document.querySelector('#legend .dot')).backgroundColor"
     assert other.evaluate(dot) == f"rgb({red}, {green}, {blue})"
     click(other, "[data-show=people]")
-    hidden = other.evaluate("document.querySelector('#legend').hidden")
-    other.close()
-    assert hidden is True
+    assert other.evaluate("document.querySelector('#legend').hidden") is True
     click(page, "[value=photo]")
 
 
-def test_the_page_opens_on_the_main_people_in_the_photo_s_colours(chromium, tmp_path, make):
+def test_the_page_opens_on_the_main_people_in_the_photo_s_colours(make, show):
     """As the photo's camera sees them, larger than in the photo."""
     made = make(320, 240)
     image, pink = made.image.copy(), np.array([230, 20, 200])
     for person in made.people:
         image[person.mask] = pink
-    path = tmp_path / "report.html"
-    path.write_text(report_html(replace(made, image=image)), encoding="utf-8")
-    page = chromium.open(path.as_uri(), 960, 600)
-    page.wait(READY)
+    page = show(replace(made, image=image))
     opened = page.picture("#canvas").astype(int)
     shown = np.abs(opened - pink).max(-1) < 30
     rows, columns = np.nonzero(shown)
@@ -156,7 +165,6 @@ def test_the_page_opens_on_the_main_people_in_the_photo_s_colours(chromium, tmp_
     assert abs((columns.min() + columns.max()) / 2 - width / 2) < 0.15 * width
     click(page, "[value=neutral]")
     assert (np.abs(page.picture("#canvas").astype(int) - pink).max(-1) < 30).sum() < 0.02 * shown.sum()
-    page.close()
 
 
 def test_in_the_photo_s_view_the_photo_is_behind_the_bodies_until_the_view_turns(page, result):
@@ -361,14 +369,10 @@ def test_a_damaged_file_says_so(chromium, path, tmp_path, damage):
 
 
 @pytest.mark.parametrize("people", [0, 1])
-def test_a_scene_alone_and_one_person_are_shown(chromium, tmp_path, people, make):
-    path = tmp_path / "report.html"
-    path.write_text(report_html(make(people=people)), encoding="utf-8")
-    page = chromium.open(path.as_uri(), 900, 600)
-    page.wait(READY)
+def test_a_scene_alone_and_one_person_are_shown(people, make, show):
+    page = show(make(people=people))
     assert page.evaluate(READY) == "3d"
     assert page.errors() == []
     assert page.picture("#view").std() > 15
     assert ("Nobody is in this result" in text(page, "#people")) is (people == 0)
     assert ("Stature" in text(page, "#people")) is (people == 1)  # the only person is chosen
-    page.close()

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from dataclasses import fields, is_dataclass
 
 import numpy as np
@@ -172,34 +170,9 @@ def known_worlds(monkeypatch):
     monkeypatch.setattr(world_evidence, "benchmark_cases", lambda count, seed, size, actions: (CASE,) * count)
 
 
-def test_asking_for_help_imports_nothing_heavy():
-    arguments = ["bench", "accuracy", "--help"]
-    code = f"""
-import sys
-from physic_core.cli import main
-try:
-    main({arguments!r})
-except SystemExit as end:
-    assert not end.code
-print(sorted({{m.partition(".")[0] for m in sys.modules}} & {{"torch", "numpy", "scipy", "cv2", "rich", "matplotlib"}}))
-"""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True)
-    assert done.stdout.splitlines()[-1] == "[]"
-
-
 def test_a_trial_stands_beside_the_full_row(tmp_path, known_worlds):
-    common = [
-        "accuracy",
-        "--worlds",
-        "1",
-        "--model-bodies",
-        "--size",
-        "160x120",
-        "--cache",
-        str(tmp_path / "cache"),
-        "-o",
-    ]
-    finished = bench(*common, str(tmp_path / "out"), "--set", "joint.optimiser.steps=0")
+    world = ("--worlds", "1", "--model-bodies", "--size", "160x120", "--cache", str(tmp_path / "cache"))
+    finished = bench("accuracy", *world, "-o", str(tmp_path / "out"), "--set", "joint.optimiser.steps=0")
     assert finished.exit_code == 0, finished.output
     assert "Trial" in finished.output.splitlines()
     document = json.loads((tmp_path / "out" / "results.json").read_text())

@@ -24,12 +24,16 @@ def world():
     return build_world("hug", 0)
 
 
-@pytest.fixture
-def truth(world):
+def truth_of(world):
     points = world.points(people=False)
     valid = np.isfinite(points).all(-1)
     scene = Scene(points, world.empty_normals, world.empty_image, valid, world.floor, np.zeros((0, 3), np.float32))
     return WorldEstimate(world.vertices, world.joints, world.contact, scene, world.intrinsics, ("",) * len(world.masks))
+
+
+@pytest.fixture
+def truth(world):
+    return truth_of(world)
 
 
 def test_the_truth_is_perfect(world, truth, skin):
@@ -72,11 +76,8 @@ def test_a_known_fault_is_measured(world, truth, skin):
 
 def test_a_body_sunk_into_the_floor_penetrates_by_as_much(skin):
     world = build_world("stand", 0)
-    points = world.points(people=False)
-    valid = np.isfinite(points).all(-1)
-    scene = Scene(points, world.empty_normals, world.empty_image, valid, world.floor, np.zeros((0, 3), np.float32))
     sunk = (-0.03 * np.asarray(world.floor.normal)).astype(np.float32)
-    estimate = WorldEstimate(world.vertices + sunk, world.joints + sunk, world.contact, scene, world.intrinsics, ("",))
+    estimate = replace(truth_of(world), vertices=world.vertices + sunk, joints=world.joints + sunk)
     (person,) = Evaluator(world, world.masks, skin).person_records(estimate)
     assert person["penetration_max_mm"] == pytest.approx(30, abs=1.5)
     assert 5 < person["penetration_mm"] < 30
@@ -111,23 +112,13 @@ def test_a_person_who_is_not_found_scores_zero(world, truth, skin):
     only = WorldEstimate(truth.vertices[:1], truth.joints[:1], truth.contact[:1], truth.scene, truth.intrinsics, ("",))
     first, second = evaluator.person_records(only)
     assert first["found"]
-    facts = {
-        "found": False,
-        "why": "no person was found there",
-        "hits": 0,
-        "false_alarms": 0,
-        "misses": int(world.contact[1].sum()),
-        "precision": 0.0,
-        "recall": 0.0,
-        "f1": 0.0,
-    }
-    assert {name: second[name] for name in facts} == facts
+    assert (second["found"], second["why"]) == (False, "no person was found there")
+    assert [second[name] for name in ("hits", "false_alarms", "precision", "recall", "f1")] == [0] * 5
+    assert second["misses"] == world.contact[1].sum()
     assert second["people_misses"] == (world.touched_person[1] >= 0).sum()
     broken = replace(truth, vertices=truth.vertices * np.array([1, np.nan], np.float32)[:, None, None])
-    assert [p["why"] for p in Evaluator(world, world.masks, skin).person_records(broken)] == [
-        "",
-        "the body is not finite",
-    ]
+    reasons = [p["why"] for p in Evaluator(world, world.masks, skin).person_records(broken)]
+    assert reasons == ["", "the body is not finite"]
     assert [p["why"] for p in evaluator.missed_records("OutOfMemory")] == ["OutOfMemory"] * 2
     nobody = np.zeros_like(world.masks[:1])
     nobody[0, :3, :3] = True
