@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import sys
 
 from click.testing import CliRunner, Result
@@ -45,17 +44,23 @@ def test_the_doctor_looks_at_every_backend_whatever_the_others_do(site, monkeypa
     site.install("physic-bad", "import no_such_module\n", version="0.3")
     done = physic("plugins", "doctor", "--timeout", "8")
     assert done.exit_code == 5
-    assert [re.sub(r"\d+\.\d s$", "0.0 s", line) for line in done.stdout.splitlines()] == [
-        "BROKEN   inpainter 'dying' (physic-sick 1.0): it ended Python with code 9: no output",
-        "BROKEN   inpainter 'failing' (physic-sick 1.0): load('cpu') fails: "
-        "ValueError: bad magic number (physic_sick.py:14)",
-        "BROKEN   inpainter 'hanging' (physic-sick 1.0): not finished after 8 s",
-        "missing  inpainter 'lacking' (physic-sick 1.0): no checkpoint at /x: get it from /y",
-        "BROKEN   inpainter 'unclosed' (physic-sick 1.0): close() fails: RuntimeError: still open (physic_sick.py:20)",
-        "ok       inpainter 'well' (physic-sick 1.0): 0.0 s",
-        "BROKEN   physic-bad 0.3: ModuleNotFoundError: No module named 'no_such_module' (physic_bad.py:1)",
-        "7 checked: 1 ok, 1 missing, 5 broken",
-    ]
+    *found, total = done.stdout.splitlines()
+    for line, words in zip(
+        found,
+        (
+            ("BROKEN", "'dying'", "code 9"),
+            ("BROKEN", "'failing'", "ValueError: bad magic number (physic_sick.py:14)"),
+            ("BROKEN", "'hanging'", "8 s"),
+            ("missing", "'lacking'", "no checkpoint at /x"),
+            ("BROKEN", "'unclosed'", "RuntimeError: still open"),
+            ("ok", "'well'"),
+            ("BROKEN", "physic-bad 0.3", "no_such_module"),
+        ),
+        strict=True,
+    ):
+        assert line.startswith(words[0])
+        assert all(word in line for word in words), line
+    assert total == "7 checked: 1 ok, 1 missing, 5 broken"
 
 
 def test_the_doctor_accepts_backends_with_missing_files(site, monkeypatch):
@@ -90,9 +95,6 @@ def test_a_refused_record_and_a_missing_module_are_broken(site):
         "            BackendRecord('segmenter', 'gone', 'json.gone:C', api=1)]\n",
     )
     done = physic("plugins", "doctor", "--interface", "segmenter")
-    assert [line for line in done.stdout.splitlines() if "physic-sick" in line] == [
-        "BROKEN   segmenter 'gone' (physic-sick 1.0): cannot be imported from json.gone:C: "
-        "ModuleNotFoundError: No module named 'json.gone'",
-        "BROKEN   segmenter 'new' (physic-sick 1.0): written for version 2 of the interface segmenter, and this "
-        "physic-core has version 1: upgrade physic-core",
-    ]
+    gone, new = (line for line in done.stdout.splitlines() if "physic-sick" in line)
+    assert "No module named 'json.gone'" in gone
+    assert "upgrade physic-core" in new

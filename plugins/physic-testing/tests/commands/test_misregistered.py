@@ -9,8 +9,6 @@ import pytest
 
 from physic_testing.commands.misregistered import find_misregistered
 
-CURE = 'write [project.entry-points."physic.plugins"] in its pyproject.toml, and install it again'
-
 
 def installed_as(site: Any, distribution: str, group: str, requires: str = "") -> None:
     module = site.install(distribution, "")
@@ -37,16 +35,14 @@ def test_an_entry_point_in_a_group_that_is_called_nearly_so_is_noticed(site, dis
     installed_as(site, distribution, group, requires)
     (row,) = find_misregistered(distributions(path=[str(site.folder)]))
     assert str(row.origin) == f"{distribution} 1.0"
-    assert row.cause == f"its entry points are in the group '{group}', which is not read: {CURE}"
+    assert f"'{group}'" in row.cause
     assert find_misregistered(distributions(path=[str(site.folder)]), restriction="physic-other") == ()
 
 
 def test_a_distribution_that_is_called_like_a_plugin_and_offers_nothing_is_noticed(site):
     installed_as(site, "physic-mine", "console_scripts")
     (row,) = find_misregistered(distributions(path=[str(site.folder)]))
-    assert row.cause == (
-        f"it has no entry point in the group 'physic.plugins', so that no backend of it is found: {CURE}"
-    )
+    assert "no entry point in the group 'physic.plugins'" in row.cause
 
 
 @pytest.mark.parametrize(

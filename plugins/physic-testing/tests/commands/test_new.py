@@ -146,18 +146,14 @@ def test_a_backend_is_added_to_what_an_author_wrote(tmp_path, returned: str, abo
 def test_what_is_not_a_plugin_gets_no_backend(tmp_path):
     add = ("plugins", "new", "one", "--interface", "inpainter", "--add-to", str(tmp_path))
     file = tmp_path / "pyproject.toml"
-    assert refusal(*add) == (
-        f'{file} should be the file of a plugin, with one line in [project.entry-points."physic.plugins"]'
-    )
+    assert "should be the file of a plugin" in refusal(*add)
     file.write_text('[project.entry-points."physic.plugins"]\nown = "own"\n')
     hooks = tmp_path / "own" / "__init__.py"
-    assert (
-        refusal(*add) == f"there is no {hooks} or {tmp_path / 'src' / 'own' / '__init__.py'}: add the backend by hand"
-    )
+    assert f"there is no {hooks}" in refusal(*add)
     hooks.parent.mkdir()
     hooks.write_text("def physic_backends():\n    return RECORDS\n")
     first, record, *_ = refusal(*add).splitlines()
-    assert first == f"physic_backends() in {hooks} does not return one list in brackets: add by hand"
+    assert str(hooks) in first
     assert record.strip() == "BackendRecord("
     assert [path.name for path in hooks.parent.iterdir()] == ["__init__.py"]
 
@@ -170,17 +166,9 @@ def refusal(*arguments: str) -> str:
 
 def test_names_that_do_not_serve_are_refused(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert refusal("plugins", "new", "my-depth", "--interface", "metric_dept").splitlines()[-1] == (
-        "Error: no interface named 'metric_dept'; there are: segmenter, inpainter, metric_depth, relative_pointmap, "
-        "keypoint_detector, body_estimator, hand_estimator, contact_prior. Did you mean 'metric_depth'?"
-    )
-    assert refusal("plugins", "new", "telea", "--interface", "inpainter").splitlines()[-1] == (
-        "Error: inpainter 'telea' (physic-opencv 0.1.0) is installed already: choose another name"
-    )
-    assert refusal("plugins", "new", "My Depth", "--interface", "metric_depth") == (
-        "a backend's name has only a-z, 0-9 and hyphens, such as my-depth, and is not 'none' (got 'My Depth')"
-    )
+    new = ("plugins", "new")
+    assert "Did you mean 'metric_depth'?" in refusal(*new, "my-depth", "--interface", "metric_dept")
+    assert "(physic-opencv 0.1.0) is installed already" in refusal(*new, "telea", "--interface", "inpainter")
+    assert "a-z, 0-9 and hyphens" in refusal(*new, "My Depth", "--interface", "metric_depth")
     Path("physic-mine").mkdir()
-    assert refusal("plugins", "new", "mine", "--interface", "inpainter") == (
-        "physic-mine exists already: choose another name, another --folder, or --add-to physic-mine to add a backend"
-    )
+    assert "--add-to physic-mine" in refusal(*new, "mine", "--interface", "inpainter")

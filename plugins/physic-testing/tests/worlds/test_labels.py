@@ -64,14 +64,9 @@ def test_the_world_of_a_photo_is_found_by_its_label():
 
 def test_what_does_not_fit_is_refused():
     image = picture((64, 64))
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(InputError, match="1 to 32 bytes"):
         embed_label(image, "x" * 33, 0)
-    assert str(caught.value) == f"A label holds a name of 1 to 32 bytes without zeros, got '{'x' * 33}'."
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(InputError, match="from 0 to 2"):
         embed_label(image, "stand", -1)
-    assert str(caught.value) == "A label holds a seed from 0 to 2^64 - 1, got -1."
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(InputError, match="24 x 24 px"):
         embed_label(image[:20], "stand", 0)
-    assert str(caught.value) == (
-        "A label needs an image of 8-bit RGB of at least 24 x 24 px, got uint8 of shape (20, 64, 3)."
-    )

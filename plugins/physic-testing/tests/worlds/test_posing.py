@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
-import pytest
 import roma
 import torch
 
-from physic_core.body.skinning import Skin
-from physic_testing.worlds.posing import pose_body, rest_body
+from physic_testing.worlds.posing import pose_body
 
 from .float64_model import float64_model
 
@@ -24,10 +20,3 @@ def test_vertices_and_joints_are_those_of_the_body_model() -> None:
     vertices, joints = pose_body(model, pose, betas, transl)
     np.testing.assert_allclose(vertices, wanted.vertices[0].numpy(), atol=1e-13)
     np.testing.assert_allclose(joints, wanted.joints[0].numpy(), atol=1e-13)
-
-
-def test_a_body_with_pose_correctives_is_refused() -> None:
-    skin = float64_model().skin
-    more = Skin(skin.template, torch.cat([skin.directions, skin.directions[:1]]), skin.weights)
-    with pytest.raises(ValueError, match="without pose correctives"):
-        rest_body(replace(float64_model(), skin=more))

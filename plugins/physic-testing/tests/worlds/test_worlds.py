@@ -8,11 +8,7 @@ from scipy.spatial import KDTree
 from physic_core.body import load_body
 from physic_core.errors import InputError
 from physic_testing.worlds import (
-    CHILD_WORLDS,
     CONTACT_DISTANCE,
-    CONTACT_WORLDS,
-    RAISED_FEET_WORLDS,
-    WORLDS,
     World,
     build_world,
 )
@@ -166,7 +162,5 @@ def test_people_are_whole_in_the_photo_where_the_action_is():
 
 
 def test_an_unknown_world_is_refused():
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(InputError, match=r"no world named 'flying': choose one of .*stand"):
         build_world("flying")
-    known = ", ".join((*WORLDS, *CONTACT_WORLDS, *RAISED_FEET_WORLDS, *CHILD_WORLDS))
-    assert str(caught.value) == f"There is no world named 'flying': choose one of {known}."
