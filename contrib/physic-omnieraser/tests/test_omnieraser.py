@@ -132,8 +132,6 @@ def test_the_pipeline_is_called_as_in_the_released_code(stand_in_files):
     assert asked == {
         "prompt": "There is nothing here.", "height": 256, "width": 256, "steps": 28, "guidance": 3.5, "longest": 512,
     }  # fmt: skip
-    assert OmniEraserOptions().side == 1024
-    assert OmniEraserOptions().seed == 42
 
 
 def test_the_same_seed_paints_the_same(stand_in_files):

@@ -189,9 +189,8 @@ def test_a_dataset_becomes_parquet_files_and_its_checkpoint_leaves_out_what_is_w
 def test_a_cluster_that_cannot_be_reached_is_one_message(tmp_path: Path):
     settings = ExecutorSettings(address="127.0.0.1:1")
     photos, job = make_photos(tmp_path / "photos", "a"), job_for(tmp_path / "out")
-    with pytest.raises(ConfigError) as error:
+    with pytest.raises(ConfigError, match=r"127\.0\.0\.1:1"):
         run(photos, job, partial(run_on_ray, settings=settings, resources=RESOURCES))
-    assert str(error.value) == "cannot reach the Ray cluster at 127.0.0.1:1: Connection refused"
 
 
 def test_ray_is_imported_only_when_it_is_used():

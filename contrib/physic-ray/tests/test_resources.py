@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
 import pytest
@@ -28,16 +27,15 @@ def test_options_are_attributes_of_resources():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"gpu": "1"}, "the executor 'ray' has no setting 'gpu'; it has cpus, gpus, memory_gb"),
-        ({"gpus": "one"}, "gpus of a worker is a number (got 'one')"),
-        ({"cpus": "-1"}, "cpus of a worker is a number from 0 (got -1.0)"),
-        ({"cpus": "0"}, "a worker needs cpus or gpus above 0"),
+        ({"gpu": "1"}, "no setting 'gpu'"),
+        ({"gpus": "one"}, "got 'one'"),
+        ({"cpus": "-1"}, r"got -1\.0"),
+        ({"cpus": "0"}, "above 0"),
     ],
 )
 def test_invalid_options_are_refused_before_anything_starts(options: dict[str, str], message: str):
-    with pytest.raises(ConfigError) as error:
+    with pytest.raises(ConfigError, match=message):
         ray_executor(ExecutorSettings(options=options))
-    assert str(error.value) == message
 
 
 def test_workers_that_fit_on_the_nodes():
@@ -56,12 +54,9 @@ def test_a_node_without_the_output_folder_is_refused(monkeypatch: pytest.MonkeyP
     job = BatchJob(load_config(preset="mock"), str(tmp_path), "none", thumbnails=False)
     actor = JsonActor(WorkerPlan(job, shared_file=str(tmp_path / "journal.jsonl")))
     monkeypatch.setattr("physic_ray.worker._node", lambda: "10.0.0.7")
-    assert json.loads(actor({"item": '["a", "/a.jpg", {}]'})["row"]) == {
-        "refused": "OutputError",
-        "message": f"the computer {os.uname().nodename} does not see {tmp_path / 'journal.jsonl'}: "
-        "the output folder must be on storage that all nodes mount at this path",
-        "node": "10.0.0.7",
-    }
+    row = json.loads(actor({"item": '["a", "/a.jpg", {}]'})["row"])
+    assert (row["refused"], row["node"]) == ("OutputError", "10.0.0.7")
+    assert "journal.jsonl" in row["message"]
 
 
 def test_every_name_of_a_photo_reaches_the_worker():

@@ -153,12 +153,7 @@ def refusal(image: np.ndarray) -> str:
 
 
 def test_another_photo_is_refused(two):
-    only = "The mock backends only know the photos of their own worlds, and this "
-    give = (
-        ": give physic_testing.worlds.build_world(name, seed, size).image, saved without loss, or choose real backends."
-    )
-    blank = np.zeros((60, 80, 3), np.uint8)
-    assert refusal(blank) == f"{only}80 x 60 px image carries no world's label{give}"
+    assert "80 x 60 px image carries no world's label" in refusal(np.zeros((60, 80, 3), np.uint8))
     other = labels.embed_label(two.image, "moon", 3)
     assert "image is of the world 'moon', which there is not" in refusal(other)
     painted = two.image.copy()

@@ -14,7 +14,7 @@ import pytest
 from physic_core import InputError, Pipeline, WeightsMissingError, load_config, reconstruct
 from physic_core.errors import PackageMissingError
 from physic_core.types import Hints
-from physic_opencv.depth_files import read_depth, read_pointmap, resize_nearest
+from physic_opencv.depth_files import read_depth, read_pointmap
 from physic_opencv.from_file import DepthFile, DepthFileOptions, PointmapFile, PointmapFileOptions
 from physic_testing import check_backend
 from physic_testing.worlds import World, build_world
@@ -78,9 +78,7 @@ def test_a_map_of_another_size_is_resized_by_the_nearest_pixel(tmp_path: Path) -
     found = depth(tmp_path / "d.npy")
     np.testing.assert_array_equal(found.depth[0], [1, 1, np.nan, np.nan, 3, 3])
     np.testing.assert_array_equal(found.depth[3], [4, 4, 5, 5, 6, 6])
-    assert found.notes == ("d.npy was resized from 3 x 2 to 6 x 4 px, each pixel from the nearest one",)
-    smaller, _ = resize_nearest(np.arange(8).reshape(2, 4), 1, 2, Path("x"))
-    assert smaller.tolist() == [[5, 7]]
+    assert "from 3 x 2 to 6 x 4 px" in found.notes[0]
 
 
 def test_an_exr_file_or_the_reason_why_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -102,19 +100,18 @@ def test_an_exr_file_or_the_reason_why_not(tmp_path: Path, monkeypatch: pytest.M
 @pytest.mark.parametrize(
     ("name", "values", "message"),
     [
-        ("d.npy", np.zeros((4, 6)), "has no known pixel: every value is 0, negative, NaN or the invalid one"),
-        ("d.npy", np.ones((4, 6, 3)), "must be (H, W), one number per pixel, got (4, 6, 3)"),
-        ("d.npy", np.full((4, 6), "x"), "must hold numbers, got <U1"),
-        ("d.npy", np.ones((4, 9)), "d.npy is of 9 x 4 px, another aspect ratio than that of the photo, 6 x 4 px: "),
-        ("d.tif", np.ones((4, 6)), "its name ends in none of .npy, .png, .exr, .heic; convert it"),
+        ("d.npy", np.zeros((4, 6)), "no known pixel"),
+        ("d.npy", np.ones((4, 6, 3)), "one number per pixel"),
+        ("d.npy", np.full((4, 6), "x"), "must hold numbers"),
+        ("d.npy", np.ones((4, 9)), "another aspect ratio"),
+        ("d.tif", np.ones((4, 6)), "ends in none of"),
     ],
 )
 def test_depth_that_cannot_be_used(tmp_path: Path, name: str, values: np.ndarray, message: str) -> None:
     with (tmp_path / name).open("wb") as file:
         np.save(file, values)
-    with pytest.raises(InputError) as error:
+    with pytest.raises(InputError, match=message):
         depth(tmp_path / name)
-    assert message in str(error.value)
 
 
 def test_damaged_and_missing_files_are_refused(tmp_path: Path) -> None:
@@ -128,9 +125,8 @@ def test_damaged_and_missing_files_are_refused(tmp_path: Path) -> None:
         depth(tmp_path / "p.npy")
     with pytest.raises(InputError, match="there is no such file; check the path"):
         depth(tmp_path / "none.npy")
-    assert DepthFile(DepthFileOptions(path=tmp_path / "none.npy")).missing() == (
-        f"{tmp_path / 'none.npy'}: there is no such file; set metric_depth.options.path to the file of this photo",
-    )
+    (problem,) = DepthFile(DepthFileOptions(path=tmp_path / "none.npy")).missing()
+    assert "set metric_depth.options.path" in problem
 
 
 # ---- depth beside a phone's photo ------------------------------------------------------------------------------------
@@ -160,11 +156,9 @@ def test_disparity_beside_a_photo_is_read_as_metres(tmp_path: Path) -> None:
 def test_the_scale_of_relative_disparity_is_uncertain(tmp_path: Path) -> None:
     found = depth(heic(tmp_path, end=RELATIVE), image=np.zeros((24, 32, 3), np.uint8))
     assert found.scale_sigma == 0.2
-    assert found.notes == ("IMG_1.HEIC calls its depth relative: its scale counts with a deviation of 20 %",)
-    assert (
-        depth(heic(tmp_path, end=RELATIVE), image=np.zeros((24, 32, 3), np.uint8), relative_sigma=0.3).scale_sigma
-        == 0.3
-    )
+    assert "relative" in found.notes[0]
+    photo = np.zeros((24, 32, 3), np.uint8)
+    assert depth(heic(tmp_path, end=RELATIVE), image=photo, relative_sigma=0.3).scale_sigma == 0.3
 
 
 def test_a_photo_without_depth_is_refused(tmp_path: Path) -> None:
@@ -175,9 +169,7 @@ def test_a_photo_without_depth_is_refused(tmp_path: Path) -> None:
 
 def test_depth_without_its_range_is_refused(tmp_path: Path) -> None:
     path = heic(tmp_path, b"\x4e\x01\xb1", b"\x4e\x01\xb2")  # another kind of message than depth representation
-    with pytest.raises(
-        InputError, match=r"is not disparity with its range \(it says nothing\), so its metres are not known"
-    ):
+    with pytest.raises(InputError, match="not disparity with its range"):
         depth(path)
 
 
@@ -303,17 +295,13 @@ def test_files_that_claim_more_than_they_have_are_refused(tmp_path: Path):
     header = b"IHDR" + 2 * (30_000).to_bytes(4) + b"\x10\x00\x00\x00\x00"
     png = b"\x89PNG\r\n\x1a\n\x00\x00\x00\x0d" + header + zlib.crc32(header).to_bytes(4) + b"\0\0\0\0IDAT"
     (tmp_path / "huge.png").write_bytes(png + zlib.crc32(b"IDAT").to_bytes(4))
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(InputError, match="more than 150 megapixels"):
         read_depth(tmp_path / "huge.png", 1.0, None)
-    assert str(caught.value) == (
-        f"cannot use the depth map {tmp_path / 'huge.png'}: it has more than 150 megapixels; give a smaller version"
-    )
     with (tmp_path / "sparse.npy").open("wb") as file:
         np.lib.format.write_array_header_1_0(file, {"descr": "<f8", "fortran_order": False, "shape": (20_000, 20_000)})
         file.truncate(file.tell() + 8 * 20_000**2)
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(InputError, match=r"3\.2 GB, more than"):
         read_depth(tmp_path / "sparse.npy", 1.0, None)
-    assert str(caught.value) == f"cannot read {tmp_path / 'sparse.npy'}: its numbers take 3.2 GB, more than 1.3 GB"
 
 
 def test_an_archive_that_inflates_to_more_than_the_limit_is_refused(
@@ -321,11 +309,8 @@ def test_an_archive_that_inflates_to_more_than_the_limit_is_refused(
 ) -> None:
     monkeypatch.setattr("physic_opencv.depth_files._MAX_BYTES", 1_000_000)
     np.savez_compressed(tmp_path / "p.npz", points=np.ones((300, 400, 3)))
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(InputError, match="claim 3 MB, more than 1"):
         read_pointmap(tmp_path / "p.npz", 1.0)
-    assert str(caught.value) == (
-        f"cannot read {tmp_path / 'p.npz'}: it is not an archive of NumPy arrays (its arrays claim 3 MB, more than 1)"
-    )
 
 
 def exr(width: int, height: int) -> bytes:
@@ -340,13 +325,9 @@ def exr(width: int, height: int) -> bytes:
 def test_an_exr_file_that_claims_gigabytes_is_refused(tmp_path: Path):
     path = tmp_path / "d.exr"
     path.write_bytes(exr(30_000, 30_000))
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(InputError, match=r"3\.6 GB, more than"):
         read_depth(path, 1.0, None)
-    assert str(caught.value) == f"cannot read {path}: its numbers take 3.6 GB, more than 1.3 GB"
     for damaged in (exr(4, 4)[:-9], b"\x76\x2f\x31\x01", exr(4, 4)[4:], b"\x76\x2f\x31\x01" + b"x" * 5000):
         path.write_bytes(damaged)
-        with pytest.raises(InputError) as caught:
+        with pytest.raises(InputError, match="it is damaged"):
             read_depth(path, 1.0, None)
-        assert str(caught.value) == (
-            f"cannot read the depth map {path}: it is not an EXR file of one image, or it is damaged"
-        )

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physic_opencv.inpaint import DiffusionOptions, NavierStokes, Telea, downsample_known
+from physic_opencv.inpaint import DiffusionOptions, NavierStokes, Telea
 
 
 def gradient(height: int = 90, width: int = 120) -> np.ndarray:
@@ -41,11 +41,3 @@ def test_what_was_under_the_mask_never_leaks_out_even_from_a_reduced_image(metho
     error = np.abs(filled[mask].astype(int) - image[mask]).mean()
     print(f"{method.__name__}: mean error {error:.2f} grey levels")
     assert error < 12
-
-
-def test_reduce_means_known_pixels_only():
-    image = np.array([[10, 20, 30], [30, 40, 50]], np.uint8)[..., None].repeat(3, axis=2)
-    mask = np.array([[True, False, True], [False, False, True]])
-    small, hole = downsample_known(image, mask, 2)
-    np.testing.assert_array_equal(small[..., 0], [[30, 0]])  # (20 + 30 + 40) / 3; the last column is all hole
-    np.testing.assert_array_equal(hole, [[False, True]])

@@ -171,14 +171,6 @@ def test_a_run_checks_out_the_tested_commit_and_stops_at_a_command_that_fails(th
     assert f"   $ git -C {folder / 'mine' / 'Thing'} checkout --quiet {commit}" in again.stdout.splitlines()
 
 
-def test_a_plugin_that_is_not_installed_is_the_first_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(
-        "PHYSIC_PLUGINS", "physic-transformers,physic-human,physic-onnx,physic-embedded,physic-paper,physic-setup"
-    )
-    lines = physic("setup", "paper").output.splitlines()
-    assert any(line.startswith("python -m pip install") and "physic-omnieraser" in line for line in lines)
-
-
 @pytest.mark.parametrize(
     ("preset", "missing"),
     [
