@@ -25,14 +25,13 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from types import MappingProxyType
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, ConfigDict, Field, Strict, StrictBool, TypeAdapter, ValidationError
 
-from physic_core.discovery.close_names import did_you_mean
 from physic_core.errors import BackendError
 
 LOGIN = "log in with `hf auth login`, or set HF_TOKEN"
@@ -268,17 +267,9 @@ def _contradictions(weights: WeightSet) -> Iterator[str]:
 
 
 def _describe(problem: Any) -> str:
-    """Return a problem that pydantic found as one line: "files.0.bytes should be greater than 0 (got 0)"."""
-    *above, key = problem["loc"] or ("",)
-    at = ".".join(ascii(part)[1:-1] if isinstance(part, str) else str(part) for part in problem["loc"])
-    if problem["type"] == "unexpected_keyword_argument":
-        known = [field.name for field in fields(WeightFile if above else WeightSet)]
-        return f"{at} is an unknown key{did_you_mean(key, known)}"
-    if problem["type"] == "missing":
-        return f"{at} is missing"
-    text = "should be a table" if problem["type"] == "dataclass_type" else problem["msg"]
-    text = re.sub("^(Value error, |Input |String )", "", text)
-    return f"{at} {text} (got {_shown(problem['input'])})".lstrip()
+    """Return a problem that pydantic found as one line: "files.0.bytes: Input should be greater than 0 (got 0)"."""
+    at = ".".join(ascii(str(part))[1:-1] for part in problem["loc"])
+    return f"{at}: {problem['msg']} (got {_shown(problem['input'])})".removeprefix(": ")
 
 
 def _shown(value: Any) -> str:
