@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
-from pydantic import Field
 
 from physic_core.errors import BackendError
-from physic_core.interfaces import BodyEstimator, Options
+from physic_core.interfaces import BodyEstimator
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,22 +23,8 @@ if TYPE_CHECKING:
 
 _MAX_APPARENT_BEND = 0.7  # radians that a knee of somebody who upright may seem to bend
 _BEND_SHARE = 0.35  # share of it that is taken to be true
+_ACCEPTED_RISE = 50.0  # of the fit's squared residuals, which uprightness may cost before it is halved
 _MAX_LEAN = 0.44  # radians; a larger lean is a misread floor or no stance
-
-
-class EmbeddedBodiesOptions(Options):
-    """Settings of the body fit."""
-
-    iterations: int = Field(20, ge=10, le=1000, description="of L-BFGS, before Newton's method finds the minimum")
-    cure_lean: bool = Field(
-        True, description="set people who stand upright on the floor, where the floor is known; landmarks lean forward"
-    )
-    accepted_rise: float = Field(
-        50.0,
-        ge=1e-6,
-        le=1e9,
-        description="rise of the fit's squared residuals that uprightness may cost before it is halved",
-    )
 
 
 class EmbeddedBodies(BodyEstimator):
@@ -50,8 +35,6 @@ class EmbeddedBodies(BodyEstimator):
     outlines of bodies and masks are drawn together.
     """
 
-    Options: ClassVar[type[Options]] = EmbeddedBodiesOptions
-    options: EmbeddedBodiesOptions
     reads = ("people", "intrinsics", "keypoints", "floor", "original")
 
     _model: BodyModel | None = None
@@ -101,7 +84,7 @@ class EmbeddedBodies(BodyEstimator):
         if self._model is None:
             raise BackendError("the embedded body is not loaded: call load() before infer()")
         keypoints = limb_keypoints(keypoints)
-        settings = FitSettings(iterations=self.options.iterations)
+        settings = FitSettings()
         camera = intrinsics.matrix
         observed = observed_joints(keypoints, intrinsics.height, intrinsics.width, finger_share=0)
         if not len(people):
@@ -146,8 +129,6 @@ class EmbeddedBodies(BodyEstimator):
         joints = fit.joints.double().numpy()
         lean = lean_towards_camera(joints, observations.turn, up)
         upright = standing_bodies(joints, observations.confidence[:, legs].min(1)) & (np.abs(lean) < 2 * _MAX_LEAN)
-        if not self.options.cure_lean:
-            upright = np.zeros_like(upright)
         turn = np.clip(np.where(upright, -lean, 0.0), -_MAX_LEAN, _MAX_LEAN)
         again = fit
         for _ in range(2):
@@ -158,9 +139,9 @@ class EmbeddedBodies(BodyEstimator):
                 skeleton,
                 _restart(fit, observations, turn, upright),
                 settings,
-                floor=FloorConstraint(up, upright, turn, np.full(len(turn), self.options.cure_lean)),
+                floor=FloorConstraint(up, upright, turn, np.ones(len(turn), bool)),
             )
-            costly = upright & (again.loss - fit.loss > self.options.accepted_rise)
+            costly = upright & (again.loss - fit.loss > _ACCEPTED_RISE)
             if not costly.any():
                 break
             turn, upright = np.where(costly, turn / 2, turn), upright & ~costly

@@ -35,6 +35,8 @@ _VISIBLE_JOINTS: dict[str, tuple[str, ...]] = {
     "right_hand": ("right_wrist",),
 }
 _SITTING_SETS = ("thighs", "gluteus", "back")
+_SITTING_HIP_DEG = 140.0  # people sit when the mean angle between trunk and thighs is below this
+_LYING_TRUNK_DEG = 60.0  # people lie when the trunk is tilted from the image's vertical by more than this
 
 
 class StaticContactOptions(Options):
@@ -46,15 +48,6 @@ class StaticContactOptions(Options):
     held: float = Field(0.9, ge=0, le=1, description="probability of hands at a straight edge, such as a bar's")
     seat: float = Field(0.5, ge=0, le=1, description="probability of undersides of the thighs and of the seat")
     back: float = Field(0.5, ge=0, le=1, description="probability of the back")
-    seat_by_pose: bool = Field(
-        True, description="seat and back only for people whose hips are bent or whose trunk lies; else for everybody"
-    )
-    sitting_hip_deg: float = Field(
-        140.0, gt=0, le=180, description="people sit when the mean angle between trunk and thighs is below this"
-    )
-    lying_trunk_deg: float = Field(
-        60.0, ge=0, le=90, description="people lie when the trunk is tilted from the image's vertical by more than this"
-    )
 
 
 class StaticContact(ContactPrior):
@@ -96,9 +89,7 @@ class StaticContact(ContactPrior):
         observed = bodies.observed
         observed = np.ones((count, joints.shape[1]), bool) if observed is None else np.asarray(observed)
         options = self.options
-        seated = np.ones(count, bool)
-        if options.seat_by_pose:
-            seated = is_sitting(joints, options.sitting_hip_deg) | _is_lying(joints, options.lying_trunk_deg)
+        seated = is_sitting(joints) | _is_lying(joints)
         worth = {"thighs": options.seat, "gluteus": options.seat, "back": options.back}
         for side in ("left", "right"):
             worth |= {f"{side}_foot": options.feet, f"{side}_sole": options.soles, f"{side}_hand": options.hands}
@@ -143,12 +134,11 @@ class StaticContact(ContactPrior):
         return out.joints.double().numpy()
 
 
-def is_sitting(joints: FloatArray, hip_deg: float) -> NDArray[np.bool_]:
-    """Return which people sit, squat or lunge: the mean angle between thighs and trunk is below ``hip_deg``.
+def is_sitting(joints: FloatArray) -> NDArray[np.bool_]:
+    """Return which people sit, squat or lunge: the mean angle between thighs and trunk is below 140 degrees.
 
     Args:
         joints: (N, 55, 3), any frame.
-        hip_deg: between the ways from hip to knee and from hips to neck; 180 stands.
     """
     from physic_core.body import JOINT_INDEX as INDEX
 
@@ -157,12 +147,12 @@ def is_sitting(joints: FloatArray, hip_deg: float) -> NDArray[np.bool_]:
         angle_deg(joints[:, INDEX[f"{side}_knee"]] - joints[:, INDEX[f"{side}_hip"]], trunk)
         for side in ("left", "right")
     ]
-    return np.asarray((angles[0] + angles[1]) / 2 < hip_deg)
+    return np.asarray((angles[0] + angles[1]) / 2 < _SITTING_HIP_DEG)
 
 
-def _is_lying(joints: FloatArray, trunk_deg: float) -> NDArray[np.bool_]:
-    """Return which people lie: the trunk is tilted from the image's vertical by more than ``trunk_deg``."""
+def _is_lying(joints: FloatArray) -> NDArray[np.bool_]:
+    """Return which people lie: the trunk is tilted from the image's vertical by more than 60 degrees."""
     from physic_core.body import JOINT_INDEX as INDEX
 
     trunk = joints[:, INDEX["neck"]] - joints[:, INDEX["pelvis"]]
-    return np.asarray(angle_deg(trunk, np.array([0.0, -1.0, 0.0])) > trunk_deg)
+    return np.asarray(angle_deg(trunk, np.array([0.0, -1.0, 0.0])) > _LYING_TRUNK_DEG)

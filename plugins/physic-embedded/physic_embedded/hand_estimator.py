@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 SIDES = ("left", "right")
 KNUCKLES = ("index1", "middle1", "ring1", "pinky1")
+_LEAST_PRESENCE = 0.7  # of a hand, as the landmark network judges
+_LARGEST_GAP = 0.08  # between landmarks and those of the mirror image, of the hand's size; clear hands have .01 to .04
 
 
 class EmbeddedHandsOptions(Options):
@@ -28,16 +30,6 @@ class EmbeddedHandsOptions(Options):
 
     least_size_px: float = Field(
         default=32, ge=0, le=100_000, description="Smaller hands are left as they are: below 30 px fingers are a guess."
-    )
-    least_presence: float = Field(
-        default=0.7, ge=0, le=1, description="Lowest presence of a hand, as the landmark network judges."
-    )
-    largest_gap: float = Field(
-        default=0.08,
-        ge=1e-6,
-        le=10,
-        description="A hand whose landmarks differ from those in its mirror image by more than this share of its size "
-        "is not used; clear hands have 0.01 to 0.04.",
     )
     body: str = Field(
         default="embedded", description="Body whose hand is fitted: 'embedded', or the path of your own SMPLX_*.npz."
@@ -102,8 +94,8 @@ class EmbeddedHands(HandEstimator):
         """Return whether the landmarks of a hand are good enough to use."""
         options = self.options
         right_side = (look.right > 0.5) == (side == "right")
-        steady = look.mirror_gap < options.largest_gap
-        return right_side and steady and look.size >= options.least_size_px and look.presence >= options.least_presence
+        steady = look.mirror_gap < _LARGEST_GAP
+        return right_side and steady and look.size >= options.least_size_px and look.presence >= _LEAST_PRESENCE
 
 
 def _search_square(

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, People, UInt8Array
     from physic_embedded.networks.pose import Pose
 
+_LOWEST_SCORE = 0.1  # of the detector, from which a candidate in a person's box is tried
 MIN_MASK_FIT = 0.15
 """A pose with a lower overlap with the mask belongs to another person."""
 
@@ -33,9 +34,6 @@ class EmbeddedKeypointsOptions(Options):
 
     reuse: bool = Field(
         default=True, description="Take joints that the segmenter already found, where they are of this skeleton."
-    )
-    lowest_score: float = Field(
-        default=0.1, ge=0, le=1, description="Detector score from which a candidate in a person's box is tried."
     )
     threads: int = Field(default=2, ge=0, le=256, description="Threads inside one operator; 0 lets onnxruntime choose.")
 
@@ -103,8 +101,8 @@ class EmbeddedKeypoints(KeypointDetector):
         left, top = np.maximum(np.floor(center - side), 0).astype(int)
         right, bottom = np.ceil(center + side).astype(int) + 1
         near = picture.levels[0][top:bottom, left:right]
-        lowest = self.options.lowest_score
-        for d in detect_people(self._networks["pose_detection"], ImagePyramid.from_image(near), lowest, lowest, ())[:3]:
+        detector, pyramid = self._networks["pose_detection"], ImagePyramid.from_image(near)
+        for d in detect_people(detector, pyramid, _LOWEST_SCORE, _LOWEST_SCORE, ())[:3]:
             hip, end = d.keypoints[:2] + np.array([left, top])
             starts.append((person_square(hip, end), 2))
         network = self._networks["pose_landmark_heavy"]

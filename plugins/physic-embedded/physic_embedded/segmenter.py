@@ -48,18 +48,6 @@ class EmbeddedSegmenterOptions(Options):
         le=1,
         description="Lowest score of a person's box by YOLOX; 0.1 less if a pose fits the box well.",
     )
-    sure_score: float = Field(
-        default=0.75,
-        ge=0,
-        le=1,
-        description="BlazePose score from which a candidate without a box is a person; 0.6 finds chairs too.",
-    )
-    weak_score: float = Field(
-        default=0.3,
-        ge=0,
-        le=1,
-        description="Detector score from which a candidate is looked at, and kept if two looks agree; 1 = never.",
-    )
     tile_fractions: tuple[Annotated[float, Field(ge=0.05, le=1)], ...] = Field(
         default=(0.6, 0.4),
         max_length=8,
@@ -123,8 +111,6 @@ class EmbeddedSegmenter(Segmenter):
             image,
             SearchSettings(
                 box_score=options.box_score,
-                sure=options.sure_score,
-                weak=options.weak_score,
                 fractions=options.tile_fractions,
                 max_people=options.max_people,
             ),

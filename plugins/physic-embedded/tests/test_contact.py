@@ -91,7 +91,7 @@ def test_sitting_is_recognised_by_the_hips() -> None:
         for side in ("left", "right"):
             rotations[row, JOINT_INDEX[f"{side}_hip"]] = bent((1, 0, 0), angle)
     joints = model(rotations, betas, transl, joints_only=True).joints.double().numpy()
-    assert is_sitting(joints, 140.0).tolist() == [False, True, False]
+    assert is_sitting(joints).tolist() == [False, True, False]
 
 
 def test_contact_of_bodies_of_another_model_comes_from_their_joints() -> None:
