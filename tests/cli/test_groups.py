@@ -73,12 +73,6 @@ def test_a_broken_command_is_an_error_of_the_plugin_and_breaks_no_other(plugin: 
     assert physic("--help").exit_code == 0
 
 
-def test_a_plugin_that_is_broken_breaks_no_command(site: Any):
-    site.install("physic-broken", "raise SystemExit('no licence')")
-    assert physic("--help").exit_code == 0
-    assert physic("nonsense").exit_code == 2
-
-
 def test_help_imports_no_command(plugin: Any):
     (plugin.folder / "physic_hello_commands.py").write_text("raise SystemExit('imported')")
     code = (

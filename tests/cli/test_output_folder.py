@@ -67,12 +67,6 @@ def test_overwrite_takes_the_first_folder_with_a_result():
     assert photo_identity_of_result("a-physic") == file_digest("y/a.jpg")
 
 
-def test_a_failing_run_leaves_no_default_folder():
-    run(photo("x/a.jpg"))
-    assert run(photo("empty.jpg")).exit_code != 0
-    assert sorted(path.name for path in Path().iterdir()) == ["a-physic", "empty.jpg", "x"]
-
-
 @pytest.mark.parametrize("overwrite", [(), ("--overwrite",)])
 def test_a_photo_in_the_folder_under_a_name_of_ours_is_refused_at_once(asked: list[Path], overwrite: tuple[str, ...]):
     photo("out/preview.png")

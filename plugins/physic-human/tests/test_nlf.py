@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -13,6 +14,7 @@ import pytest
 import torch
 
 from physic_core.adapters.devices import check_device
+from physic_core.body import load_body
 from physic_core.errors import BackendError
 from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People
 from physic_human.nlf import Nlf, NlfOptions
@@ -281,29 +283,11 @@ def test_nlf_conforms(body: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def smplx_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def smplx_file(module_at: Callable[[str], ModuleType], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A made-up SMPL-X file whose pelvis is not at its origin and moves with the shape."""
-    from physic_core.body.joints import PARENTS
-
-    rng = np.random.default_rng(0)
-    template = rng.uniform([-0.8, -1.3, -0.1], [0.8, 0.4, 0.1], (10475, 3))
-    regressor = np.zeros((55, 10475))
-    for joint in range(55):
-        regressor[joint, rng.integers(0, 10475, 8)] = 1 / 8
-    regressor /= regressor.sum(1, keepdims=True)
-    weights = np.zeros((10475, 55))
-    weights[np.arange(10475), rng.integers(0, 55, 10475)] = 1
+    bodies = module_at("tests/body/other_body.py")
     path = tmp_path_factory.mktemp("smplx") / "SMPLX_NEUTRAL.npz"
-    np.savez_compressed(
-        path,
-        v_template=template,
-        f=rng.integers(0, 10475, (20908, 3)).astype(np.uint32),
-        shapedirs=np.repeat(0.02 * template[:, :, None], 20, axis=2),
-        posedirs=np.zeros((10475, 3, 486), np.float16),
-        J_regressor=regressor,
-        weights=weights,
-        kintree_table=np.stack([PARENTS, np.arange(55)]).astype(np.int64),
-    )
+    np.savez_compressed(path, **bodies.smplx_file_arrays(bodies.make(load_body("embedded"), 10475)))
     return path
 
 
@@ -311,8 +295,6 @@ class ExactNlf:
     """Poses the user's own SMPL-X file; ``shift`` mm moves its vertices alone."""
 
     def __init__(self, file: Path, shift: float) -> None:
-        from physic_core.body import load_body
-
         self.body, self.shift = load_body(file), shift
 
     def estimate_smpl_batched(self, images: torch.Tensor, boxes: Any, **rest: Any) -> dict[str, list[torch.Tensor]]:

@@ -16,9 +16,8 @@ import torch
 
 from physic_core.adapters.crops import crop_around_box, resample_crop
 from physic_core.types import Hints, People
-from physic_testing import build_world
 from physic_transformers import depth_pro, grounded_sam2, zoedepth
-from physic_transformers.sapiens2 import KEYPOINT_OF_WHOLEBODY, Sapiens2, Sapiens2Options
+from physic_transformers.sapiens2 import KEYPOINT_OF_WHOLEBODY, Sapiens2
 from physic_transformers.sizes import size_from_edges, size_from_target
 
 if TYPE_CHECKING:
@@ -221,10 +220,3 @@ class TestSapiens2:
         for side in ("right", "left"):
             sapiens += [f"{side}_{finger}{4 - k}" for finger in fingers for k in range(4)] + [f"{side}_wrist"]
         assert {whole: sapiens[own] for whole, own in KEYPOINT_OF_WHOLEBODY.items()} == coco
-
-    def test_the_network_runs_from_a_folder(self, saved: Callable[..., Path]) -> None:
-        world = build_world("group", 1, (320, 240))
-        backend = Sapiens2(Sapiens2Options(weights=str(saved("sapiens2")), batch=2))
-        backend.load()
-        found = backend(world.image, People(world.masks, world.boxes, np.linspace(0.9, 0.8, len(world.masks))))
-        assert found.points.shape == (len(world.masks), 133, 2)
