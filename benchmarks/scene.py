@@ -1,7 +1,7 @@
 """Measure ``physic scene`` on worlds with several cameras, and on photos of calibrated rigs.
 
     python -m benchmarks.scene worlds OUT --names group walk --seed 3 --views 2 4 8
-    python -m benchmarks.scene rigs DATA OUT --kinds pairs threes fours wrong --most 60
+    python -m benchmarks.scene rigs DATA OUT --kinds pairs fours wrong --most 60
 
 Results of single photos are kept in OUT, so that a second run solves only. The baseline of worlds is the average of the
 results of the single photos, in the frame of the reference camera, aligned by the true cameras.
@@ -52,7 +52,7 @@ def main() -> None:
     rigs = commands.add_parser("rigs")
     rigs.add_argument("data", type=Path)
     rigs.add_argument("out", type=Path)
-    rigs.add_argument("--kinds", nargs="+", choices=("pairs", "threes", "fours", "wrong"), default=("pairs", "wrong"))
+    rigs.add_argument("--kinds", nargs="+", choices=("pairs", "fours", "wrong"), default=("pairs", "wrong"))
     rigs.add_argument("--most", type=int, default=60, help="moments of each kind, spread over all")
     rigs.add_argument("--apart", action="store_true", help="only moments that took no part in choosing numbers")
     rigs.set_defaults(run=lambda given: run_rigs(given.data, given.out, given.kinds, given.most, apart=given.apart))

@@ -76,7 +76,8 @@ def _moments(out: Path, names: Sequence[str], seeds: Sequence[int]) -> Iterator[
                 image = world.image
                 result = kept(out / f"{world.name}-{seed}.pkl", lambda image=image: scene.alone(image))
                 photo = ScenePhoto.of(len(views), world.name, result, model)
-                people, masks = photo.people, photo.view.people.masks
+                people = photo.people
+                masks = np.stack([result.people[row].mask for row in photo.rows])
                 match = match_by_masks(masks, world.masks, min_iou=0.3)
                 number = dict(zip(match.predicted.tolist(), match.truth.tolist(), strict=True))
                 views.append(WorldView(people, [number.get(i, -1) for i in range(len(people))], world, points))

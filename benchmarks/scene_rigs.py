@@ -1,6 +1,6 @@
 """Several photos of calibrated rigs, without their cameras: who is joined, errors of cameras and people, and grades.
 
-A command of ``benchmarks.scene``. Moments of two, three and four photos are all those of the sets, and wrong pairs are
+A command of ``benchmarks.scene``. Moments of two and four photos are all those of the sets, and wrong pairs are
 made of the photos of both sets. Three moments of panoptic gave the numbers of the matching and the bounds of the checks
 of photos; the others, and roundtable, are reported apart. Truth of who is who and of people's places is triangulated
 with the true cameras of all photos of a moment.
@@ -21,7 +21,7 @@ CHOSEN_ON = ("00004500", "00006859", "00013007")
 """Moments of panoptic on which numbers were chosen."""
 WRONG_CHOSEN_ON = ("view_0", "view_1")
 """Photos of roundtable on which, in wrong pairs, bounds of checks were chosen."""
-COUNTS = {"pairs": 2, "threes": 3, "fours": 4}
+COUNTS = {"pairs": 2, "fours": 4}
 SEEN = 0.3  # confidence of a keypoint
 FEWEST = 4  # keypoints that two photos must share to say who is who
 APART_M = 0.5  # at which the distance of two rays is cut

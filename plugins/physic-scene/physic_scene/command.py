@@ -25,25 +25,22 @@ if TYPE_CHECKING:
     "calibration",
     metavar="FILE",
     type=click.Path(path_type=Path),
-    help="Cameras of some or all photos: TOML, Colmap's folder, Pose2Sim's TOML or CMU Panoptic's JSON.",
+    help="Calibrated cameras of some or all photos: a TOML file.",
 )
 @click.option(
     "--camera-unit",
     "unit_m",
     metavar="METRES",
     type=click.FloatRange(min=0, min_open=True),
-    help="Length of the unit of --cameras; a centimetre for CMU Panoptic's, otherwise a metre.",
+    default=1.0,
+    help="Length of the unit of --cameras, such as 0.01 for centimetres.",
 )
 @click.option(
     "--stature",
     metavar="METRES,...",
     help="Known standing heights: one for all people, or from left to right in the first photo, 0 where unknown.",
 )
-@click.option(
-    "--age",
-    metavar="YEARS,...",
-    help="Known ages: one for all people, or from left to right in the first photo, 0 where unknown.",
-)
+@click.option("--age", metavar="YEARS", type=float, help="Known age of all people.")
 @click.option("-q", "--quiet", is_flag=True, help="Print only warnings and errors.")
 def scene(
     photos: tuple[Path, ...],
@@ -53,9 +50,9 @@ def scene(
     preset: str | None,
     overrides: tuple[str, ...],
     calibration: Path | None,
-    unit_m: float | None,
+    unit_m: float,
     stature: str | None,
-    age: str | None,
+    age: float | None,
     quiet: bool,
 ) -> None:
     """Reconstruct one moment from two to eight photos.
@@ -65,7 +62,6 @@ def scene(
     """
     start = time.monotonic()
     statures = _numbers(stature, "--stature") if stature is not None else ()
-    ages = _numbers(age, "--age") if age is not None else ()
     from physic_core import KnownSizes, load_config
     from physic_core.cli.output import echo
     from physic_core.cli.output_folder import reserve_folder
@@ -76,11 +72,9 @@ def scene(
     from physic_scene.scene import ScenePipeline
 
     try:
-        known = KnownSizes(stature=statures, age=ages)
+        known = KnownSizes(stature=statures, age=() if age is None else (age,))
     except ValueError as error:  # which names the size
         raise InputError(str(error)) from error
-    if missing := [photo for photo in photos if not photo.exists()]:
-        raise InputError(f"there is no file {missing[0]}: name two to eight photos of one moment")
     sizes, digests = _read(photos)
     cameras = None if calibration is None else read_calibration(calibration, photos, sizes, unit_m)
     all_photos = " ".join(digests)
@@ -142,6 +136,8 @@ def _read(photos: tuple[Path, ...]) -> tuple[list[tuple[int, int]], set[str]]:
 
 def _table(result: SceneResult) -> str:
     """Return a line for each photo, with its people as they are numbered in the saved result."""
+    from physic_core.cli.output import format_table
+
     rows = [("photo", "people", "rotation +-", "position +-", "keypoints off")]
     for photo in result.photos:
         known = [str(result.people[person].row) for person in photo.people if person is not None]
@@ -155,7 +151,4 @@ def _table(result: SceneResult) -> str:
                 f"{100 * photo.reprojection:.1f} % of stature",
             )
         )
-    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
-    return "\n".join(
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
-    )
+    return format_table(rows)

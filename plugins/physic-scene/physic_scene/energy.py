@@ -135,12 +135,7 @@ def require_default_engine(settings: EngineSettings) -> None:
 
 
 def with_other_views(settings: EngineSettings, views: OtherViews) -> EngineSettings:
-    """Return settings of preset "default" with other photos, and with the errors of their keypoints.
-
-    Raises:
-        ConfigError: the settings are of another preset.
-    """
-    require_default_engine(settings)
+    """Return settings of preset "default" with other photos, and with the errors of their keypoints."""
     assert isinstance(settings.joint, DefaultOptimisation)
 
     def taken(part: object) -> dict[str, object]:

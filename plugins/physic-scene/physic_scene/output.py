@@ -65,6 +65,5 @@ def cameras_json(scene: SceneResult) -> str:
         "photos": photos,
         "people": [{"views": list(one.views), "row": one.row, "moved": one.moved} for one in scene.people],
         "left_out": [{"photo": one.photo, "index": one.index, "reason": one.reason} for one in scene.left_out],
-        "diagnostics": scene.diagnostics,
     }
     return json.dumps(to_json(document), indent=1) + "\n"

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 
 from physic_core.errors import InputError
@@ -18,11 +17,7 @@ from physic_scene.types import SkippedPhoto
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
-    from physic_core.types import FloatArray, IntArray, Reconstruction, UInt8Array
-
-_THUMBNAIL_PX = 32
-_LARGEST_CHANGE = 6.0  # difference of grey levels of one picture, of other size or compression
-_LARGEST_GAIN = 2.0  # factor on its brightness
+    from physic_core.types import FloatArray, IntArray, Reconstruction
 
 
 @dataclass(frozen=True)
@@ -122,18 +117,14 @@ def choose_photos(photos: Sequence[ScenePhoto], skipped: Sequence[SkippedPhoto] 
     """
     left = list(skipped)
     kept: list[ScenePhoto] = []
-    seen: list[FloatArray] = []
+    first: dict[str, str] = {}  # digest of a photo -> its name
     for photo in photos:
         if not photo.rows:
             left.append(photo.skipped("no people", "no person in it has a body"))
-            continue
-        picture = thumbnail(photo.result.image)
-        twin = next((k.name for k, s in zip(kept, seen, strict=True) if thumbnails_match(s, picture)), None)
-        if twin is not None:
+        elif (twin := first.setdefault(photo.result.photo or photo.name, photo.name)) != photo.name:
             left.append(photo.skipped("same photo", f"it is the same picture as {twin}"))
-            continue
-        kept.append(photo)
-        seen.append(picture)
+        else:
+            kept.append(photo)
     if len(kept) < 2:
         rest = f"only {kept[0].name} is left" if kept else "none is left"
         raise InputError(
@@ -144,17 +135,3 @@ def choose_photos(photos: Sequence[ScenePhoto], skipped: Sequence[SkippedPhoto] 
     matches = {(a, b): match_pair(people[a], people[b]) for a, b in itertools.combinations(range(len(kept)), 2)}
     rows = join_tracks(people, matches)
     return ChosenPhotos(tuple(kept), rows, joined_matches(people, matches, rows), tuple(left))
-
-
-def thumbnail(image: UInt8Array) -> FloatArray:
-    """Return the grey levels (32, 32) of a photo, with mean 0."""
-    grey = cv2.cvtColor(np.asarray(image), cv2.COLOR_RGB2GRAY)
-    small = cv2.resize(grey, (_THUMBNAIL_PX, _THUMBNAIL_PX), interpolation=cv2.INTER_AREA).astype(np.float64)
-    grey_levels: FloatArray = small - small.mean()
-    return grey_levels
-
-
-def thumbnails_match(one: FloatArray, two: FloatArray) -> bool:
-    """Return whether two thumbnails are of one picture, perhaps of other size, compression or brightness."""
-    gain = (one * two).sum() / max((two * two).sum(), 1e-9)
-    return bool(np.abs(one - gain * two).max() < _LARGEST_CHANGE and 1 / _LARGEST_GAIN < gain < _LARGEST_GAIN)

@@ -43,9 +43,6 @@ if TYPE_CHECKING:
     from physic_scene.solution import SolvedScene
 
 _ON_FLOOR_M = 0.25  # largest height of the lowest point of a person who may stand on the floor
-_STAND_M = 0.03  # error of that point
-_FLOOR_DEG = 4.0  # error of the mean normal
-_REWEIGHTINGS = 8
 _KNOWN_SCALE = 1e-3  # least error of the scale, of known cameras
 
 
@@ -87,6 +84,8 @@ class ReferenceInput(ShortRepr):
         depth = np.where(result.scene.valid, scale * result.scene.points[..., 2], np.nan).astype(np.float32)
         sigma = max(solved.scale_sigma, _KNOWN_SCALE)
         parts = [person.parameters for person in people]
+        given = [[photos[w].result.people[row].age for w, row in one.shown.items()] for one in people]
+        ages = np.array([next(filter(None, own), np.nan) for own in given])
         parameters = BodyParameters(
             **{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])}
         )
@@ -115,6 +114,7 @@ class ReferenceInput(ShortRepr):
             statures=np.array(
                 [solved.statures[one.number] if one.solved and one.number is not None else np.nan for one in people]
             ),
+            ages=ages if np.isfinite(ages).any() else None,
         )
 
     def complete(self, estimates: Estimates) -> Estimates:
@@ -225,28 +225,22 @@ def _is_placed(person: PersonOfScene, solved: SolvedScene) -> bool:
 def _floors(solved: SolvedScene, model: BodyModel) -> FloatArray | None:
     """Return normal and offset (2, 4) of the reference photo's floor, at the solved scale, and of that of all photos.
 
-    The normal is the robust mean of the photos' normals, turned a little so that most people stand on the floor: those
-    whose lowest point the photos alone have on it.
+    The normal is the median of the photos' normals. The floor is at the median of the lowest points of the people
+    who stand on it: those whose lowest point the photos alone have on it.
     """
     photos, ups = solved.photos, solved.observations.up
     known = np.flatnonzero(np.isfinite(ups).all(1))
     own = photos[solved.reference].result.scene.floor
     if own is None or len(known) < 2:
         return None
-    turned = np.einsum("vji,vj->vi", solved.bundle.rotation[known], ups[known])
-    normal = turned.mean(0)
-    for _ in range(5):
-        normal = normal / np.linalg.norm(normal)
-        away = np.degrees(np.arccos(np.clip(turned @ normal, -1, 1)))
-        normal = (turned / np.maximum(away, 3.0)[:, None]).sum(0)
+    normal = np.median(np.einsum("vji,vj->vi", solved.bundle.rotation[known], ups[known]), axis=0)
     normal = normal / np.linalg.norm(normal)
     with torch.inference_mode():
         bodies = model(solved.bodies.rotations, solved.bodies.betas, solved.bodies.transl).vertices.numpy()
     standing = [p for p, row in enumerate(solved.rows) if _height_alone(solved, row, known) < _ON_FLOOR_M]
     if not standing:
         return None
-    lowest = np.stack([bodies[p][(bodies[p] @ normal).argmin()] for p in standing])
-    normal, offset = _plane_under(lowest.astype(np.float64), normal)
+    offset = -float(np.median([(bodies[p] @ normal).min() for p in standing]))
     if offset <= 0:
         return None
     before = np.append(np.asarray(own.normal, np.float64), own.offset * scene_scales(solved)[solved.reference])
@@ -263,35 +257,6 @@ def _height_alone(solved: SolvedScene, row: IntArray, known: IntArray) -> float:
             vertices = photo.result.people[photo.rows[row[v]]].vertices
             heights.append(float((vertices @ np.asarray(floor.normal)).min()) + floor.offset)
     return float(np.median(heights)) if heights else np.inf
-
-
-def _plane_under(lowest: FloatArray, normal: FloatArray) -> tuple[FloatArray, float]:
-    """Fit the plane on which most people stand, near a normal, by reweighted least squares (Cauchy).
-
-    With axes e1, e2 across the normal, the plane is ``(n + a e1 + b e2) . (X - mean) + c = 0``.
-
-    Args:
-        lowest: (n, 3) lowest point of each person.
-        normal: (3,) unit, known to _FLOOR_DEG.
-
-    Returns:
-        Unit normal (3,) and offset.
-    """
-    across = np.linalg.svd(normal[None])[2][1:]
-    middle = lowest.mean(0)
-    columns = np.column_stack([(lowest - middle) @ across.T, np.ones(len(lowest))])
-    wanted = -(lowest - middle) @ normal
-    tilt_precision = 1 / np.radians(_FLOOR_DEG) ** 2
-    prior = np.diag([tilt_precision, tilt_precision, 0.0])
-    weight = np.ones(len(lowest))
-    for _ in range(_REWEIGHTINGS):
-        weighted = columns * weight[:, None] / _STAND_M**2
-        a_b_c = np.linalg.solve(weighted.T @ columns + prior, weighted.T @ wanted)
-        residual = columns @ a_b_c - wanted
-        weight = 1 / (1 + (residual / (2 * _STAND_M)) ** 2)
-    tilted = normal + a_b_c[:2] @ across
-    length = np.linalg.norm(tilted)
-    return tilted / length, float((a_b_c[2] - middle @ tilted) / length)
 
 
 def _view(solved: SolvedScene, people: Sequence[PersonOfScene], view: int) -> OtherView:

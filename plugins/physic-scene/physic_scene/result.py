@@ -45,19 +45,16 @@ def assemble(solved: SolvedScene, everybody: Sequence[PersonOfScene], reconstruc
     unseen = [_not_shown(one, reference.name, names) for one in people if reference.index not in one.views]
     shared = "1 person" if len(solved.rows) == 1 else f"{len(solved.rows)} people"
     first = f"cameras of {len(photos)} photos from {shared}; the frame is that of {reference.name}"
-    left_out = tuple(one.message for one in solved.left_out)
     return SceneResult(
         reconstruction=replace(
             reconstruction,
             notes=(*reconstruction.notes, first, *_known_cameras(solved), *moved, *unseen),
-            warnings=(*reconstruction.warnings, *left_out),
+            warnings=(*reconstruction.warnings, *(one.message for one in solved.left_out)),
         ),
         reference=reference.index,
         photos=photos,
         people=people,
         left_out=solved.left_out,
-        notes=(first, *left_out, *moved),
-        diagnostics=dict(solved.diagnostics),
     )
 
 

@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import torch
 
 from physic_core import Pipeline
 from physic_core.body import load_body
-from physic_core.errors import BackendError, InputError, NoPersonError
+from physic_core.errors import InputError, NoPersonError
 from physic_core.types import KnownSizes
-from physic_scene.ages import ages_of_photos, ages_of_scene, check_ages
 from physic_scene.calibration import KnownCamera
 from physic_scene.energy import require_default_engine
 from physic_scene.people import people_of_scene
 from physic_scene.photos import ScenePhoto, choose_photos, skipped_photo
 from physic_scene.reference import ReferenceInput, solve_reference
 from physic_scene.result import assemble
-from physic_scene.solution import SolvedScene, solve_scene
+from physic_scene.solution import solve_scene
 
 if TYPE_CHECKING:
     import os
@@ -28,7 +25,6 @@ if TYPE_CHECKING:
     from typing import Self
 
     from physic_core import Config
-    from physic_core.body.model import BodyModel
     from physic_core.types import FloatArray, Reconstruction
     from physic_scene.types import SceneResult
 
@@ -47,11 +43,13 @@ class ScenePipeline:
             tables. ``engine.preset`` must be "default".
 
     Raises:
+        ConfigError: ``engine.preset`` is not "default".
         PhysicError: as of :class:`physic_core.Pipeline`.
     """
 
     def __init__(self, config: Config | Mapping[str, Any] | str | os.PathLike[str] | None = None) -> None:
         self._pipeline = Pipeline(config)
+        require_default_engine(self._pipeline.config.engine.settings())
 
     def __enter__(self) -> Self:
         return self
@@ -79,8 +77,8 @@ class ScenePipeline:
             cameras: calibrated camera of each photo, or None where unknown; None if no camera is known. Poses of two or
                 more stay as they are, and give the scale. :func:`physic_scene.read_calibration` reads files.
             known: sizes that are known in the first photo; its statures give the scale of the scene. One age or stature
-                is that of all people of all photos; several are those of the people of the first photo from left to
-                right. With several ages, the photos are reconstructed first without them, to find these people.
+                is that of all people of all photos; several statures are those of the people of the first photo from
+                left to right. For people of several ages, use :meth:`alone` with those of each photo, and :meth:`join`.
             progress: called when each stage begins.
 
         Returns:
@@ -88,37 +86,26 @@ class ScenePipeline:
             one of known pose if there are any.
 
         Raises:
-            InputError: there are too few or too many photos, fewer than two show the same people, or known poses are
-                not in metres.
-            ConfigError: ``engine.preset`` is not "default".
+            InputError: there are too few or too many photos, fewer than two show the same people, known poses are not
+                in metres, or several ages are given.
             PhysicError: a photo cannot be reconstructed alone; see :class:`physic_core.Pipeline`.
         """
         _check_number(len(photos), cameras=cameras)
-        require_default_engine(self._pipeline.config.engine.settings())
         known, names = known or KnownSizes(), _unique([_name(photo, i) for i, photo in enumerate(photos)])
-
-        def alone(i: int, age: tuple[float, ...]) -> Reconstruction | None:
-            stature = known.stature if len(known.stature) == 1 else ()
-            sizes = replace(known, age=age) if i == 0 else KnownSizes(stature=stature, age=age)
-            return self.alone(photos[i], camera=calibrated[i], known=sizes or None, progress=progress)
-
+        if len(known.age) > 1:
+            raise InputError(
+                "one age is that of all people of a moment: for several, give those of each photo to "
+                "ScenePipeline.alone, and its results to ScenePipeline.join"
+            )
+        stature = known.stature if len(known.stature) == 1 else ()
+        others = KnownSizes(stature=stature, age=known.age)
         calibrated = [None] * len(photos) if cameras is None else list(cameras)
+        results = [
+            self.alone(photo, camera=camera, known=(others if i else known) or None, progress=progress)
+            for i, (photo, camera) in enumerate(zip(photos, calibrated, strict=True))
+        ]
         poses = [None if camera is None else camera.pose for camera in calibrated]
-        several = len(known.age) > 1
-        results = []
-        for i in range(len(photos)):
-            results.append(alone(i, () if several else known.age))
-            check_ages(known.age, names[0], results[0])
-        step = progress or (lambda name, done, total: None)
-        solved = self._cameras(results, names, known.stature, poses, step)
-        if several:
-            config = self._pipeline.config.photo
-            prompted = bool(config.person or config.box or config.masks)
-            ages = ages_of_photos(known.age, solved, prompted=prompted)
-            again = [alone(i, ages[i]) if i in ages else result for i, result in enumerate(results)]
-            _require_same_people(results, again, names)
-            solved = self._cameras(again, names, known.stature, poses, step)
-        return self._solve(solved, step)
+        return self.join(results, names, statures=known.stature, poses=poses, progress=progress)
 
     def alone(
         self,
@@ -177,23 +164,11 @@ class ScenePipeline:
             PhysicError: the reference photo cannot be reconstructed.
         """
         _check_number(len(results), poses=poses)
-        step = progress or (lambda name, done, total: None)
+        progress = progress or (lambda name, done, total: None)
         names = _unique(names if names is not None else [f"photo {i + 1}" for i in range(len(results))])
-        return self._solve(self._cameras(results, names, statures, poses or [None] * len(results), step), step)
-
-    def _body(self) -> BodyModel:
-        return load_body(self._pipeline.config.body_model.source).to(dtype=torch.float64)
-
-    def _cameras(
-        self,
-        results: Sequence[Reconstruction | None],
-        names: Sequence[str],
-        statures: Sequence[float],
-        poses: Sequence[FloatArray | None],
-        progress: Progress,
-    ) -> SolvedScene:
+        poses = poses or [None] * len(results)
         progress("cameras", 1, 3)
-        model, several = self._body(), len(statures) > 1
+        model, several = load_body(self._pipeline.config.body_model.source).to(dtype=torch.float64), len(statures) > 1
         photos = [
             ScenePhoto.of(i, names[i], result, model, statures if i == 0 or not several else (), poses[i])
             for i, result in enumerate(results)
@@ -205,37 +180,13 @@ class ScenePipeline:
             if results[i] is None
         ]
         solved = solve_scene(choose_photos(photos, empty), model)
-        if several:
-            solved.first("statures")
-        return solved
-
-    def _solve(self, solved: SolvedScene, progress: Progress) -> SceneResult:
-        model = self._body()
+        if several and solved.photos[0].index:
+            why = next(one.message for one in solved.left_out if one.index == 0)
+            raise InputError(f"the statures are those of people of the first photo, but {why}; put another photo first")
         progress("one solution", 2, 3)
         people = people_of_scene(solved, model)
-        given = ReferenceInput.of(solved, people, model)
-        given = replace(given, ages=ages_of_scene(people, solved.photos))
-        reconstruction = solve_reference(given, self._pipeline.config)
+        reconstruction = solve_reference(ReferenceInput.of(solved, people, model), self._pipeline.config)
         return assemble(solved, people, reconstruction)
-
-
-def _require_same_people(
-    before: Sequence[Reconstruction | None], after: Sequence[Reconstruction | None], names: Sequence[str]
-) -> None:
-    """Check that a second run of the photos shows the same people.
-
-    Raises:
-        BackendError: it does not.
-    """
-
-    def bodies(result: Reconstruction | None) -> list[bool]:
-        return [] if result is None else [bool(np.isfinite(person.vertices).all()) for person in result.people]
-
-    for one, two, name in zip(before, after, names, strict=True):
-        if bodies(one) != bodies(two):
-            raise BackendError(
-                f"{name} shows other people in its second run: its segmenter does not repeat its results"
-            )
 
 
 def _check_number(count: int, **of_photos: Sequence[object] | None) -> None:

@@ -6,9 +6,9 @@ is left out.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -56,7 +56,6 @@ class SolvedScene(ShortRepr):
         errors: (V, P) median distance of keypoints, as a share of the stature in px; NaN where not shown.
         statures: (P,) metres, known ones of the solved people, NaN where unknown.
         scale_sigma: of the logarithm of all lengths.
-        diagnostics: numbers of the matching.
     """
 
     photos: tuple[ScenePhoto, ...]
@@ -73,18 +72,6 @@ class SolvedScene(ShortRepr):
     errors: FloatArray
     statures: FloatArray
     scale_sigma: float
-    diagnostics: Mapping[str, Any]
-
-    def first(self, sizes: str) -> ScenePhoto:
-        """Return the photo that was given first, whose people have known sizes, such as "ages".
-
-        Raises:
-            InputError: it is skipped.
-        """
-        if self.photos[0].index:
-            why = next(one.message for one in self.left_out if one.index == 0)
-            raise InputError(f"the {sizes} are those of people of the first photo, but {why}; put another photo first")
-        return self.photos[0]
 
 
 def solve_scene(chosen: ChosenPhotos, model: BodyModel) -> SolvedScene:
@@ -160,11 +147,6 @@ def _solution(chosen: ChosenPhotos, moved: IntArray, found: _Adjusted, model: Bo
         errors=found.errors,
         statures=statures,
         scale_sigma=scale_sigma,
-        diagnostics={
-            "matching_scores": {
-                f"{photos[a].name}, {photos[b].name}": round(match.score, 2) for (a, b), match in chosen.matches.items()
-            },
-        },
     )
 
 

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 _SEEN = 0.3  # confidence of a keypoint
 _FEWEST = 4  # triangulated keypoints, or bones, that give a size
-_UNITS = {"millimetres": 0.001, "centimetres": 0.01, "inches": 0.0254, "feet": 0.3048}
 _OTHER_UNIT = 1.5  # larger factors are no error of people's sizes
 _LEAST_ANGLE = 1e-3  # smallest eigenvalue of the normal matrix of two rays: an angle of 2.6 degrees
 
@@ -66,12 +65,9 @@ def sizes_by_cameras(observations: MomentObservations, poses: Sequence[CameraPos
             factor[p] = np.exp(np.nanmedian(np.log(ratio)))
     every = float(np.nanmedian(factor)) if np.isfinite(factor).any() else 1.0
     if not 1 / _OTHER_UNIT < every < _OTHER_UNIT:
-        unit = 1 / every
-        near = {name: length for name, length in _UNITS.items() if 1 / _OTHER_UNIT < unit / length < _OTHER_UNIT}
-        name, length = next(iter(near.items()), (f"{unit:.2g} m", unit))
         raise InputError(
-            f"the known cameras are not in metres: by the sizes of the people, their unit is {unit:.2g} m, which "
-            f"looks like {name}; give --camera-unit {length:.2g} (unit_m of read_calibration in Python)"
+            f"the known cameras are not in metres: by the sizes of the people, their unit is {1 / every:.2g} m; give "
+            "the true one with --camera-unit (unit_m of read_calibration in Python)"
         )
     factor[np.isnan(factor)] = every
     return factor

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from physic_core.types.short_repr import ShortRepr
 from physic_scene.rigid import CameraPose
@@ -103,8 +103,6 @@ class SceneResult(ShortRepr):
         people: whom at least two photos show, then whom one photo but the reference shows; ``row`` joins them to
             ``reconstruction.people``.
         left_out: photos that are not part of the solution.
-        notes: sentences for the user.
-        diagnostics: numbers of matching and cameras.
     """
 
     reconstruction: Reconstruction
@@ -112,8 +110,6 @@ class SceneResult(ShortRepr):
     photos: tuple[SolvedPhoto, ...]
     people: tuple[ScenePerson, ...]
     left_out: tuple[SkippedPhoto, ...]
-    notes: tuple[str, ...]
-    diagnostics: Mapping[str, Any]
 
     @property
     def reference_photo(self) -> SolvedPhoto:

