@@ -142,11 +142,9 @@ def _errors(moments: Sequence[list[WorldView]]) -> dict[str, Any]:
     of_class = {kind: [_robust(bodies[:, kinds == kind, k]) for k in (0, 1)] for kind in sorted(set(kinds))}
     shared = np.array(focals)
     return {
-        "keypoint": {
-            "confidence": _rounded(centres),
-            "sigma": _rounded(isotonic_regression(sigmas, weights=counts, increasing=False).x),
-            "correlation": _correlation(np.where(sure[..., None] > 0, errors / unit, np.nan), cluster),
-        },
+        "confidence": _rounded(centres),
+        "keypoint": _rounded(isotonic_regression(sigmas, weights=counts, increasing=False).x),
+        "keypoint_correlation": _correlation(np.where(sure[..., None] > 0, errors / unit, np.nan), cluster),
         "landmark_m": {kind: _rounded(values) for kind, values in of_class.items()},
         "turn_deg": _rounded(np.sqrt(np.mean(np.square(turns), axis=0))),
         "bone": round(_robust(np.array(bones)), 4),

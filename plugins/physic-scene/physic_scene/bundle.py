@@ -18,7 +18,7 @@ Levenberg-Marquardt steps on sparse normal equations.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING
@@ -212,21 +212,6 @@ class Bundle:
 
 
 @dataclass(frozen=True)
-class PoseUncertainty:
-    """Standard deviations of one camera's pose relative to the reference.
-
-    Attributes:
-        rotation: of the rotation, radians.
-        position_m: of the camera centre, metres.
-        log_focal: of the logarithm of the focal length.
-    """
-
-    rotation: float
-    position_m: float
-    log_focal: float
-
-
-@dataclass(frozen=True)
 class ResidualBlock:
     """Residuals (m, d) with their derivatives (m, d, k) by the parameters of columns (m, k).
 
@@ -287,25 +272,24 @@ def energy(
 
 def uncertainties(
     observations: MomentObservations, state: Bundle, reference: int, settings: BundleSettings = SOLVED_CAMERAS
-) -> tuple[PoseUncertainty, ...]:
-    """Return the standard deviations of each camera, from the curvature of the energy and the factors on them."""
+) -> FloatArray:
+    """Return the standard deviations (V, 3) of each camera, from the curvature of the energy and the factors on them.
+
+    They are those of the rotation relative to the reference, radians, of the camera centre, metres, and of the
+    logarithm of the focal length.
+    """
     normal, _, _ = _normal_equations(observations, state, reference, settings)
     views = len(state.rotation)
-    columns = np.eye(normal.shape[0], 7 * views)
-    covariance = splu(csc_array(normal)).solve(columns)[: 7 * views]
-    found = []
+    covariance = splu(csc_array(normal)).solve(np.eye(normal.shape[0], 7 * views))[: 7 * views]
+    variances = np.empty((views, 3))
     for v in range(views):
         own = covariance[6 * v : 6 * v + 6, 6 * v : 6 * v + 6]
         # The centre is -R^T t: a rotation by w turns it by R^T (t x w).
         moves = np.hstack([state.rotation[v].T @ _cross(state.translation[v]), -state.rotation[v].T])
-        found.append(
-            PoseUncertainty(
-                _ROTATION_STATED * float(np.sqrt(np.trace(own[:3, :3]))),
-                _POSITION_STATED * float(np.sqrt(max(np.trace(moves @ own @ moves.T), 0.0))),
-                float(np.sqrt(covariance[6 * views + v, 6 * views + v])),
-            )
-        )
-    return tuple(found)
+        focal = covariance[6 * views + v, 6 * views + v]
+        variances[v] = np.trace(own[:3, :3]), max(np.trace(moves @ own @ moves.T), 0.0), focal
+    sigmas: FloatArray = np.sqrt(variances) * [_ROTATION_STATED, _POSITION_STATED, 1.0]
+    return sigmas
 
 
 def _normal_equations(
@@ -333,70 +317,61 @@ def _normal_equations(
 def _blocks(
     observations: MomentObservations, state: Bundle, reference: int, settings: BundleSettings
 ) -> list[ResidualBlock]:
-    views, people = observations.shown.shape
-    joints = state.points.shape[1]
-    errors = measured_errors()
-    own_errors = _errors_of(observations.names)
-    first_point, first_turn = 7 * views, 7 * views + state.points.size
-    first_place = first_turn + state.place.size
-    known = np.flatnonzero(observations.known).tolist()
-    blocks = [
+    views, first_turn = len(state.rotation), 7 * len(state.rotation) + state.points.size
+    errors, known = measured_errors(), np.flatnonzero(observations.known).tolist()
+    return [
         # The frame is that of the reference camera, which is a known one if there are any.
         *(_prior(np.zeros(6), 6 * v, _FIXED) for v in {reference, *known}),
         *(_prior(np.zeros(1), 6 * views + v, _FIXED) for v in known),
         _focal_block(state.log_focal, observations.focal_sigma, 6 * views),
         # The place of a body is free; where a photo does not show the person, place and turn are without meaning.
-        _prior(state.place.reshape(-1), first_place, 1e4),
+        _prior(state.place.reshape(-1), first_turn + state.place.size, 1e4),
         _prior(np.zeros(state.place.size), first_turn, 1e4),
+        *itertools.chain.from_iterable(
+            _person_blocks(observations, state, v, p, settings)
+            for v, p in zip(*np.nonzero(observations.shown), strict=True)
+        ),
+        _bone_block(observations, state, 7 * views, errors.bone),
+        *_floor_blocks(observations, state, errors.floor_deg),
     ]
-    for v, p in zip(*np.nonzero(observations.shown), strict=True):
-        at = first_point + 3 * (p * joints + np.arange(joints))[:, None] + np.arange(3)
-        camera = np.broadcast_to(np.arange(6 * v, 6 * v + 6), (joints, 6))
-        local = state.points[p] @ state.rotation[v].T
-        turned = np.concatenate([-_cross(local), np.broadcast_to(np.eye(3), (joints, 3, 3))], axis=2)
-        local = local + state.translation[v]
-        by_point = np.broadcast_to(state.rotation[v], (joints, 3, 3))
-        blocks.append(keypoint_block(observations, state, v, p, settings))
-        middle = observations.landmarks[v, p].mean(axis=0)
-        body = (observations.landmarks[v, p] - middle) @ state.turn[v, p].T
-        away = local - body - middle - state.place[v, p]
-        jacobian = np.concatenate([turned, by_point, _cross(body), -np.broadcast_to(np.eye(3), (joints, 3, 3))], axis=2)
-        own = 3 * (v * people + p) + np.broadcast_to(np.arange(3), (joints, 3))
-        columns = np.concatenate([camera, at, first_turn + own, first_place + own], axis=1)
-        scaled = _along_and_across(middle, 1 / own_errors.along_m, 1 / own_errors.across_m)
-        residual = np.einsum("jab,jb->ja", scaled, away)
-        blocks.append(ResidualBlock(residual, scaled @ jacobian, columns, group=observations.limb))
-        about, tilt = 1 / np.radians(errors.turn_deg)
-        turning = _along_and_across(middle, np.array([about]), np.array([tilt]))
-        vector = Rotation.from_matrix(state.turn[v, p]).as_rotvec()
-        blocks.append(ResidualBlock((turning[0] @ vector)[None], turning, first_turn + own[:1], robust=False))
-    blocks.append(_bone_block(observations, state, first_point, errors.bone))
-    blocks += _floor_blocks(observations, state, errors.floor_deg)
-    return blocks
 
 
-def keypoint_block(
-    observations: MomentObservations, state: Bundle, view: int, person: int, settings: BundleSettings
-) -> ResidualBlock:
-    """Return the residuals of a person's keypoints in a photo; columns are camera (6), point (3) and focal length."""
-    views, joints = len(state.rotation), state.points.shape[1]
-    errors = measured_errors()
-    turned = state.points[person] @ state.rotation[view].T
-    uv, by_local, by_focal = _projection(turned + state.translation[view], observations.K[view], state.log_focal[view])
-    confidence = observations.confidence[view, person]
-    unit = settings.keypoint * errors.keypoint_sigma(confidence) * observations.size_px[view, person]
-    weight = np.sqrt(_errors_of(observations.names).share) * (confidence > 0) / unit
+def _person_blocks(
+    observations: MomentObservations, state: Bundle, v: int, p: int, settings: BundleSettings
+) -> Iterator[ResidualBlock]:
+    """Yield the residuals of the keypoints of person ``p`` in photo ``v``, of the body there, and of its turn."""
+    views, people, joints = (*observations.shown.shape, state.points.shape[1])
+    errors, of_keypoints = measured_errors(), _errors_of(observations.names)
+    each = np.broadcast_to(np.eye(3), (joints, 3, 3))
+    turned = state.points[p] @ state.rotation[v].T
+    local = turned + state.translation[v]
+    # Derivatives of the points in the camera's frame by the camera (6) and themselves (3).
+    moves = np.concatenate([-_cross(turned), each, np.broadcast_to(state.rotation[v], (joints, 3, 3))], axis=2)
+    camera = np.broadcast_to(np.arange(6 * v, 6 * v + 6), (joints, 6))
+    at = 7 * views + 3 * (p * joints + np.arange(joints))[:, None] + np.arange(3)
+
+    uv, by_local, by_focal = _projection(local, observations.K[v], state.log_focal[v])
+    confidence = observations.confidence[v, p]
+    unit = settings.keypoint * errors.keypoint_sigma(confidence) * observations.size_px[v, p]
+    weight = np.sqrt(of_keypoints.share) * (confidence > 0) / unit
     seen = weight > 0
-    jacobian = np.concatenate(
-        [by_local @ -_cross(turned), by_local, by_local @ state.rotation[view], by_focal[..., None]], axis=2
-    )
-    point = 7 * views + 3 * (person * joints + np.arange(joints))[:, None] + np.arange(3)
-    camera = np.broadcast_to(np.arange(6 * view, 6 * view + 6), (joints, 6))
-    columns = np.concatenate([camera, point, np.full((joints, 1), 6 * views + view)], axis=1)
-    residual = weight[:, None] * (uv - observations.points[view, person])
-    return ResidualBlock(
-        residual[seen], (weight[:, None, None] * jacobian)[seen], columns[seen], group=observations.limb[seen]
-    )
+    columns = np.concatenate([camera, at, np.full((joints, 1), 6 * views + v)], axis=1)
+    jacobian = weight[:, None, None] * np.concatenate([by_local @ moves, by_focal[..., None]], axis=2)
+    residual = weight[:, None] * (uv - observations.points[v, p])
+    yield ResidualBlock(residual[seen], jacobian[seen], columns[seen], group=observations.limb[seen])
+
+    middle = observations.landmarks[v, p].mean(axis=0)
+    body = (observations.landmarks[v, p] - middle) @ state.turn[v, p].T
+    turn = 7 * views + state.points.size + 3 * (v * people + p) + np.arange(3)
+    own = np.broadcast_to(np.concatenate([turn, state.place.size + turn]), (joints, 6))
+    scaled = _along_and_across(middle, 1 / of_keypoints.along_m, 1 / of_keypoints.across_m)
+    residual = np.einsum("jab,jb->ja", scaled, local - body - middle - state.place[v, p])
+    jacobian = scaled @ np.concatenate([moves, _cross(body), -each], axis=2)
+    yield ResidualBlock(residual, jacobian, np.concatenate([camera, at, own], axis=1), group=observations.limb)
+    about, tilt = 1 / np.radians(errors.turn_deg)
+    turning = _along_and_across(middle, np.array([about]), np.array([tilt]))
+    vector = Rotation.from_matrix(state.turn[v, p]).as_rotvec()
+    yield ResidualBlock((turning[0] @ vector)[None], turning, turn[None], robust=False)
 
 
 @cache

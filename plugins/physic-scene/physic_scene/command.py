@@ -89,8 +89,6 @@ def scene(
     ):
         result = solver(photos, cameras=cameras, known=known, progress=progress)
         save_scene(result, str(out), overwrite=overwrite, page=_page(result, quiet=quiet), photos=all_photos)
-    for one in result.left_out:
-        echo(f"warning: {one.message}", err=True)
     if quiet:
         for text in result.reconstruction.warnings:
             echo(f"warning: {text}", err=True)

@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 _BODY = 22  # joints without hands and face
 _PELVIS = 0
-_PARTS_WITH_CLOTHES = [0, 2, 3, 4]
-"""Rows of COLOUR_GROUPS: torso, upper arms, legs."""
 _UNLIKE = 1e3  # of a pair that no answer may have
 _SAME_PLACE = 9.0  # largest sum of squares of pose, place and turn, in their units, of one person
 
@@ -200,7 +198,7 @@ def compare_poses(one: PhotoPeople, two: PhotoPeople) -> tuple[FloatArray, Float
 
 def clothes_apart(one: PhotoPeople, two: PhotoPeople) -> FloatArray:
     """Return the mean difference (N, M) of the chroma of clothes, CIELAB; 0 where no part is seen in both photos."""
-    a, b = (people.colours[:, _PARTS_WITH_CLOTHES, 1:] for people in (one, two))
+    a, b = (people.colours[..., 1:] for people in (one, two))
     away = np.linalg.norm(a[:, None] - b[None], axis=-1)
     seen = np.isfinite(away)
     mean: FloatArray = np.where(seen, away, 0).sum(-1) / np.maximum(seen.sum(-1), 1)

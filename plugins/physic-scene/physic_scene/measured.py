@@ -55,6 +55,7 @@ class MeasuredErrors:
     """Content of ``measured_errors.json``.
 
     Attributes:
+        source: what they were measured on.
         confidence: (n,) of keypoints, increasing.
         keypoint: (n,) standard deviation of a keypoint of this confidence, as a share of the stature in px.
         keypoint_correlation: of two keypoints of a cluster.
@@ -65,14 +66,15 @@ class MeasuredErrors:
         focal: of the logarithm of an estimated focal length: the part that the photos of a moment share, and the own.
     """
 
-    confidence: FloatArray
-    keypoint: FloatArray
+    source: str
+    confidence: Sequence[float]
+    keypoint: Sequence[float]
     keypoint_correlation: float
-    landmark_m: Mapping[str, tuple[float, float]]
-    turn_deg: tuple[float, float]
+    landmark_m: Mapping[str, Sequence[float]]
+    turn_deg: Sequence[float]
     bone: float
     floor_deg: float
-    focal: tuple[float, float]
+    focal: Sequence[float]
 
     def keypoint_sigma(self, confidence: FloatArray) -> FloatArray:
         """Return the standard deviation (...) of keypoints of a confidence (...), as a share of the stature in px."""
@@ -108,13 +110,4 @@ def keypoint_clusters(names: Sequence[str]) -> IntArray:
 def measured_errors() -> MeasuredErrors:
     """Return the content of the file."""
     content = json.loads(files("physic_scene").joinpath(FILE).read_text("utf-8"))
-    return MeasuredErrors(
-        confidence=np.array(content["keypoint"]["confidence"]),
-        keypoint=np.array(content["keypoint"]["sigma"]),
-        keypoint_correlation=content["keypoint"]["correlation"],
-        landmark_m={name: (along, across) for name, (along, across) in content["landmark_m"].items()},
-        turn_deg=tuple(content["turn_deg"]),
-        bone=content["bone"],
-        floor_deg=content["floor_deg"],
-        focal=tuple(content["focal"]),
-    )
+    return MeasuredErrors(**content)

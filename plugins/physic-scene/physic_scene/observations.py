@@ -22,13 +22,11 @@ if TYPE_CHECKING:
 
 COLOUR_GROUPS = (
     ("torso",),
-    ("head",),
     ("left_upper_arm", "right_upper_arm"),
     ("left_upper_leg", "right_upper_leg"),
     ("left_lower_leg", "right_lower_leg"),
-    ("left_foot", "right_foot"),
 )
-"""Body parts whose mean colours are compared."""
+"""Body parts with clothes, whose mean colours are compared."""
 
 _KNOWN_FOCAL, _GUESSED_FOCAL = 0.003, 0.25  # standard deviations of log(focal length)
 
@@ -145,7 +143,7 @@ def _focal_sigma(camera: Intrinsics) -> float:
         return camera.focal_sigma
     if camera.known:
         return _KNOWN_FOCAL
-    estimated = float(np.hypot(*measured_errors().focal))
+    estimated = float(np.linalg.norm(measured_errors().focal))
     return _GUESSED_FOCAL if camera.trust is CameraTrust.GUESSED else estimated
 
 

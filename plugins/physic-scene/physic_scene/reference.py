@@ -90,16 +90,8 @@ class ReferenceInput(ShortRepr):
             **{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])}
         )
         shown = np.array([v in person.shown for person in people])
+        # What the other photos show of each person is in their views.
         observed = _observed(_keypoints(people, photos, v), result.image.shape[:2])
-        for i in np.flatnonzero(~shown).tolist():
-            # The joints of a person whom other photos show are those that these photos show.
-            observed[i] = np.any(
-                [
-                    _observed(_keypoints(people, photos, w), photos[w].result.image.shape[:2])[i]
-                    for w in people[i].shown
-                ],
-                axis=0,
-            )
         return cls(
             result=result,
             camera=camera,

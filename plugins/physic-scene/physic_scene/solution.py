@@ -138,11 +138,11 @@ def _solution(chosen: ChosenPhotos, moved: IntArray, found: _Adjusted, model: Bo
         observations=observations,
         bundle=bundle,
         intrinsics=tuple(
-            _with_focal(photo.result.intrinsics, float(np.exp(bundle.log_focal[v])), sigmas[v].log_focal)
+            _with_focal(photo.result.intrinsics, float(np.exp(bundle.log_focal[v])), float(sigmas[v, 2]))
             for v, photo in enumerate(photos)
         ),
-        rotation_sigma=np.where(own, 0.0, [sigma.rotation for sigma in sigmas]),
-        position_sigma=np.where(own, 0.0, [sigma.position_m for sigma in sigmas]),
+        rotation_sigma=np.where(own, 0.0, sigmas[:, 0]),
+        position_sigma=np.where(own, 0.0, sigmas[:, 1]),
         bodies=mean_bodies(people, rows, observations, bundle, model, sizes),
         errors=found.errors,
         statures=statures,
