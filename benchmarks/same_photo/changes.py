@@ -11,8 +11,15 @@ import numpy as np
 
 from physic_core.metrics import match_by_masks
 
+from .variants import GRID
+
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from .variants import Answer, SeenPerson
+
+LARGEST = 4
+"""People of a photo who count, by the area of their masks: otherwise a crowd would count more than all other photos."""
 
 LEAST_VISIBLE = 0.5
 """Share of a person that a variant must show so that the person counts."""
@@ -55,9 +62,9 @@ class Change:
 
     Attributes:
         people: who are in both answers.
-        visible: number of people of the photo of whom the variant shows enough.
+        visible: number of the photo's largest people of whom the variant shows enough.
         lost: of these, people whom the variant's answer lacks.
-        new: people of the variant's answer whom the photo's answer lacks.
+        new: of the variant's largest people, those whom the photo's answer lacks.
         sigma: stated sigma of distances, of both answers together.
         scene: logarithm of the median ratio of the depths.
         focal: logarithm of the ratio of the focal lengths.
@@ -82,10 +89,14 @@ class Change:
 
 def change(photo: Answer, variant: Answer) -> Change:
     """Compare the answer to a photo with that to its variant."""
-    seen = [p for p in photo.people if (p.mask & variant.inside).sum() >= max(1, LEAST_VISIBLE * p.mask.sum())]
-    cut = [person.mask & variant.inside for person in seen]
-    matched = match_by_masks(_stack([person.mask for person in variant.people], photo), _stack(cut, photo))
-    pairs = [(seen[i], variant.people[j]) for i, j in matched.predicted_of.items()]
+    ours, theirs = _by_size(photo.people), _by_size(variant.people)
+    cut = [person.mask & variant.inside for person in ours]
+    found = match_by_masks(_stack([person.mask for person in theirs]), _stack(cut)).predicted_of
+    counted = [
+        i
+        for i, person in enumerate(ours[:LARGEST])
+        if cut[i].any() and cut[i].sum() >= LEAST_VISIBLE * person.mask.sum()
+    ]
     sigma = _common(photo.distance_sigma, variant.distance_sigma)
     focal = math.log(variant.focal / photo.focal)
     both = np.isfinite(photo.depth) & np.isfinite(variant.depth)
@@ -95,10 +106,10 @@ def change(photo: Answer, variant: Answer) -> Change:
         angle = math.degrees(math.atan2(sine, cosine))
         height = math.log(variant.floor[3] / photo.floor[3])
     return Change(
-        people=tuple(_person_change(one, other, sigma) for one, other in pairs),
-        visible=len(seen),
-        lost=len(matched.missed),
-        new=len(matched.false_alarms),
+        people=tuple(_person_change(ours[i], theirs[found[i]], sigma) for i in counted if i in found),
+        visible=len(counted),
+        lost=len(set(counted) - set(found)),
+        new=len(set(range(len(theirs[:LARGEST]))) - set(found.values())),
         sigma=sigma,
         scene=float(np.log(np.median(variant.depth[both] / photo.depth[both]))) if both.any() else math.nan,
         focal=focal,
@@ -121,8 +132,12 @@ def _person_change(photo: SeenPerson, variant: SeenPerson, sigma: float) -> Pers
     )
 
 
-def _stack(masks: Sequence[np.ndarray], photo: Answer) -> np.ndarray:
-    return np.array(masks, bool).reshape(-1, *photo.inside.shape)
+def _by_size(people: Sequence[SeenPerson]) -> list[SeenPerson]:
+    return sorted(people, key=lambda person: -int(person.mask.sum()))
+
+
+def _stack(masks: Sequence[NDArray[np.bool_]]) -> NDArray[np.bool_]:
+    return np.array(masks, bool).reshape(-1, GRID, GRID)
 
 
 def _common(one: float | None, other: float | None) -> float:
