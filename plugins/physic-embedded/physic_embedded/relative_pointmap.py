@@ -19,7 +19,7 @@ from physic_embedded.networks.sessions import Products, graph_name, open_package
 from physic_embedded.single_view.disparity_floor import fit_disparity_floor
 from physic_embedded.single_view.disparity_offset import disparity_at_infinity
 from physic_embedded.single_view.flying_pixels import flying_pixels
-from physic_embedded.single_view.focal import manhattan_frame
+from physic_embedded.single_view.focal import DEFAULT_FOCAL_SIGMA, manhattan_frame
 from physic_embedded.single_view.gravity import gravity_from_manhattan_frame, gravity_from_segments
 from physic_embedded.single_view.upright import body_planes, wall_planes
 from physic_embedded.standing import StandingPerson, standing_people
@@ -40,7 +40,6 @@ _MIN_RELIABLE_GAP = 0.01  # ranges: farther than this the network's own noise is
 
 _SURE_FOCAL_SIGMA = 0.1  # of log focal length: up to it, vanishing points give a camera and a Manhattan frame
 _PEOPLE_FARTHER = (0.136, 0.114)  # benchmarks/contact_on_photos.py: median and spread of 56 people on their feet
-_DEFAULT_FOCAL_SIGMA = 0.25  # of log focal length of cameras: a phone's wide lens .7, a portrait lens 1.4 long sides
 
 
 class EmbeddedPointmapOptions(Options):
@@ -178,7 +177,7 @@ class EmbeddedPointmap(RelativePointmap):
     ) -> tuple[Intrinsics, ManhattanFrame | None, str]:
         """Return the camera by the default and the segments, the Manhattan frame if it is sure, and a note."""
         default = self.options.default_focal
-        focal, sigma, frame = default * max(width, height), _DEFAULT_FOCAL_SIGMA, None
+        focal, sigma, frame = default * max(width, height), DEFAULT_FOCAL_SIGMA, None
         source = f"default ({default:g} x the long side)"
         if segments is not None:
             frame = manhattan_frame(segments, width, height, focal, sigma)
