@@ -110,21 +110,18 @@ def world_scores(found: Any, worlds: Sequence[Any], alone: Sequence[Any]) -> dic
     world, result = worlds[found.reference], found.reconstruction
     match = match_by_masks(np.stack([p.mask for p in result.people]), world.masks, min_iou=0.3)
     pairs = list(zip(match.predicted.tolist(), match.truth.tolist(), strict=True))
-    of_row = {person.row: person for person in found.people if not person.moved}
     joint, single = [], []
     for row, true in pairs:
-        if row not in of_row:
-            continue
         fact, touched = world.joints[true, :22].astype(np.float64), world.contact[true]
-        joint.append(person_scores(result.people[row].joints, result.people[row].contact, fact, touched))
-        number = found.people.index(of_row[row])
         averaged, f1 = [], []
         for photo in found.photos:
-            for i, person in enumerate(photo.people):
-                if person == number:
-                    own, body = worlds[photo.index].camera, alone[photo.index].people[i]
-                    averaged.append(world.camera.to_camera(own.to_room(body.joints.astype(np.float64))))
-                    f1.append(person_scores(body.joints, body.contact, fact, touched)["F1"])
+            if row in photo.shown:
+                own, body = worlds[photo.index].camera, alone[photo.index].people[photo.shown[row]]
+                averaged.append(world.camera.to_camera(own.to_room(body.joints.astype(np.float64))))
+                f1.append(person_scores(body.joints, body.contact, fact, touched)["F1"])
+        if len(averaged) < 2:
+            continue
+        joint.append(person_scores(result.people[row].joints, result.people[row].contact, fact, touched))
         mean = person_scores(np.mean(averaged, axis=0), result.people[row].contact, fact, touched)
         single.append({**mean, "F1": float(np.mean(f1))})
     cameras = [

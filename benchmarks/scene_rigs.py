@@ -225,8 +225,8 @@ def _scores(scene: Any, group: Sequence[RigPhoto], truth: RigTruth | None) -> di
     if truth is None:
         return scores
     people = [
-        {truth.number[photo.index][i] for photo in found.photos for i, own in enumerate(photo.people) if own == person}
-        for person in range(len(found.people))
+        {truth.number[photo.index][photo.shown[row]] for photo in found.photos if row in photo.shown}
+        for row in range(len(found.reconstruction.people))
     ]
     reference = group[found.reference].camera
     turns = [_turn_deg(p.camera.rotation @ reference.R @ group[p.index].camera.R.T) for p in found.photos]
@@ -243,15 +243,16 @@ def _hips(found: Any, group: Sequence[RigPhoto], truth: RigTruth, people: Sequen
 
     left, right = JOINT_INDEX["left_hip"], JOINT_INDEX["right_hip"]
     own, single, fact = [], [], []
-    for person, numbers in zip(found.people, people, strict=True):
-        for number in numbers & truth.hips.keys() if person.solved and len(numbers) == 1 else ():
+    for row, numbers in enumerate(people):
+        solved = sum(row in photo.shown for photo in found.photos) > 1
+        for number in numbers & truth.hips.keys() if solved and len(numbers) == 1 else ():
             shown = [
                 photo.camera.in_world(photo.result.people[i].joints[[left, right]].astype(np.float64).mean(0))
                 for photo, own_numbers in zip(group, truth.number, strict=True)
                 for i, other in enumerate(own_numbers)
                 if other == number
             ]
-            own.append(found.reconstruction.people[person.row].joints[[left, right]].mean(0))
+            own.append(found.reconstruction.people[row].joints[[left, right]].mean(0))
             single.append(np.mean(shown, axis=0))
             fact.append(truth.hips[number])
     if not own:

@@ -60,8 +60,8 @@ def save_people(folder: Path, result: Reconstruction) -> None:
 
 def save_moment(folder: Path, result: Reconstruction) -> None:
     camera = SceneCamera(np.eye(3), np.zeros(3), result.intrinsics, 0.0, 0.0)
-    photo = SolvedPhoto(0, f"photo {mark(result)}.jpg", camera, (), {}, 0.0, 1.0, result)
-    moment = SceneResult(result, 0, (photo,), (), ())
+    photo = SolvedPhoto(0, f"photo {mark(result)}.jpg", camera, {}, 0.0, 1.0, result)
+    moment = SceneResult(result, 0, (photo,), ())
     output.save_scene(moment, str(folder), overwrite=True, page=f"page of {mark(result)}")
 
 

@@ -138,12 +138,11 @@ def _table(result: SceneResult) -> str:
 
     rows = [("photo", "people", "rotation +-", "position +-", "keypoints off")]
     for photo in result.photos:
-        known = [str(result.people[person].row) for person in photo.people if person is not None]
         own, camera = photo.index == result.reference, photo.camera
         rows.append(
             (
                 photo.name,
-                ", ".join(known),
+                ", ".join(map(str, photo.shown)),
                 "reference" if own else f"{math.degrees(camera.rotation_sigma):.1f} deg",
                 "reference" if own else f"{camera.position_sigma:.2f} m",
                 f"{100 * photo.reprojection:.1f} % of stature",

@@ -55,7 +55,7 @@ def cameras_json(scene: SceneResult) -> str:
             "translation": photo.camera.translation.tolist(),
             "rotation_sigma": photo.camera.rotation_sigma,
             "position_sigma": photo.camera.position_sigma,
-            "people": list(photo.people),
+            "people": list(photo.shown),
             "reprojection_share": photo.reprojection if np.isfinite(photo.reprojection) else None,
             "scene_scale": photo.scene_scale,
         }
@@ -63,7 +63,6 @@ def cameras_json(scene: SceneResult) -> str:
     ]
     document = {
         "photos": photos,
-        "people": [{"views": list(one.views), "row": one.row, "moved": one.moved} for one in scene.people],
         "left_out": [{"photo": one.photo, "index": one.index, "reason": one.reason} for one in scene.left_out],
     }
     return json.dumps(to_json(document), indent=1) + "\n"

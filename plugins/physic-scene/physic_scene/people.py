@@ -28,21 +28,14 @@ class PersonOfScene(ShortRepr):
     """One person of the result; photos are indices into ``SolvedScene.photos``.
 
     Attributes:
-        number: in ``SceneResult.people``; None for a person whom the reference photo alone shows.
         shown: photo -> index in its result, of the photos that show this body.
-        elsewhere: the same for photos that show the person in another place or pose.
         parameters: body before the joint solution, in the reference frame, metres; a batch of one.
+        stature: known one, metres; NaN where unknown.
     """
 
-    number: int | None
     shown: Mapping[int, int]
-    elsewhere: Mapping[int, int]
     parameters: BodyParameters
-
-    @property
-    def solved(self) -> bool:
-        """Whether the body is that of several photos."""
-        return len(self.shown) > 1
+    stature: float = np.nan
 
 
 def people_of_scene(solved: SolvedScene, model: BodyModel) -> tuple[PersonOfScene, ...]:
@@ -53,49 +46,38 @@ def people_of_scene(solved: SolvedScene, model: BodyModel) -> tuple[PersonOfScen
     """
     reference, photos = solved.reference, solved.photos
     matched = [
-        PersonOfScene(p, _indices(row, photos), {}, solved.bodies.parameters([p], model))
+        PersonOfScene(_indices(row, photos), solved.bodies.parameters([p], model), solved.statures[p])
         for p, row in enumerate(solved.rows)
     ]
-    matched += [_moved(solved, number, row, model) for number, row in enumerate(solved.moved, len(matched))]
-    in_reference = {({**one.elsewhere, **one.shown}).get(reference): one for one in matched}
+    in_reference = {one.shown.get(reference): one for one in matched}
     own = [
-        in_reference.get(i) or PersonOfScene(None, {reference: i}, {}, person.parameters)
+        in_reference.get(i) or PersonOfScene({reference: i}, person.parameters)
         for i, person in enumerate(photos[reference].result.people)
     ]
-    others = [one for one in matched if reference not in {**one.elsewhere, **one.shown}]
-    return (*own, *others, *_of_one_photo(solved, len(matched), model))
+    others = [one for one in matched if reference not in one.shown]
+    return (*own, *others, *_of_one_photo(solved, model))
 
 
-def _moved(solved: SolvedScene, number: int, row: IntArray, model: BodyModel) -> PersonOfScene:
-    """Return a person whose photos (V,) differ, as the reference photo or else the first one shows them."""
-    shown = np.flatnonzero(row >= 0)
-    view = solved.reference if row[solved.reference] >= 0 else int(shown[0])
-    chosen = np.arange(len(row)) == view
-    here, others = (_indices(np.where(own, row, -1), solved.photos) for own in (chosen, ~chosen))
-    return PersonOfScene(number, here, others, _parameters_alone(solved, view, int(row[view]), model))
-
-
-def _of_one_photo(solved: SolvedScene, first: int, model: BodyModel) -> Iterator[PersonOfScene]:
-    """Yield people whom one photo but the reference shows, who are unlike everybody else; numbers go on from first."""
-    photos, known = solved.photos, np.concatenate([solved.rows, solved.moved])
+def _of_one_photo(solved: SolvedScene, model: BodyModel) -> Iterator[PersonOfScene]:
+    """Yield people whom one photo but the reference shows, who are unlike everybody else."""
+    photos = solved.photos
     accepted: list[tuple[int, int]] = []
     for v, photo in enumerate(photos):
-        for row in sorted(set(range(len(photo.people))) - set(known[:, v].tolist())) if v != solved.reference else ():
-            if not any(_may_be_same(solved, known, (v, row), w, accepted) for w in range(len(photos)) if w != v):
-                parameters = _parameters_alone(solved, v, row, model)
-                yield PersonOfScene(first + len(accepted), {v: photo.rows[row]}, {}, parameters)
+        if v == solved.reference:
+            continue
+        for row in np.setdiff1d(np.arange(len(photo.people)), solved.rows[:, v]).tolist():
+            if not any(_may_be_same(solved, (v, row), w, accepted) for w in range(len(photos)) if w != v):
+                yield PersonOfScene({v: photo.rows[row]}, _parameters_alone(solved, v, row, model))
                 accepted.append((v, row))
 
 
-def _may_be_same(
-    solved: SolvedScene, known: IntArray, person: tuple[int, int], other: int, accepted: Sequence[tuple[int, int]]
-) -> bool:
+def _may_be_same(solved: SolvedScene, person: tuple[int, int], other: int, accepted: Sequence[tuple[int, int]]) -> bool:
     """Return whether a person (photo, row) is where another photo has somebody.
 
     Somebody whom both photos show is another person; of people whom the other photo alone shows, those of the reference
     photo and accepted ones count, since the others are not in the result.
     """
-    v, row = person
+    known, (v, row) = solved.rows, person
     one, two = (solved.photos[view].people for view in (v, other))
     in_both = known[(known[:, v] >= 0) & (known[:, other] >= 0), other]
     in_result = set(range(len(two))) if other == solved.reference else {r for w, r in accepted if w == other}

@@ -103,9 +103,7 @@ class ReferenceInput(ShortRepr):
             depth=DepthMap(depth, camera, sigma, (f"scale and cameras from {len(photos)} photos",)),
             views=tuple(_view(solved, people, w) for w in range(len(photos)) if w != v),
             alone=_alone(solved, people, model),
-            statures=np.array(
-                [solved.statures[one.number] if one.solved and one.number is not None else np.nan for one in people]
-            ),
+            statures=np.array([one.stature for one in people]),
             ages=ages if np.isfinite(ages).any() else None,
         )
 

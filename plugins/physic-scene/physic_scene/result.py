@@ -10,13 +10,12 @@ import numpy as np
 
 from physic_scene.reference import scene_scales
 from physic_scene.rigid import CameraPose
-from physic_scene.types import SceneCamera, ScenePerson, SceneResult, SolvedPhoto
+from physic_scene.types import SceneCamera, SceneResult, SolvedPhoto
 from physic_scene.verdict import SolvedView, checks_of_cameras, checks_of_keypoints, with_checks
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Reconstruction
     from physic_scene.people import PersonOfScene
-    from physic_scene.photos import ScenePhoto
     from physic_scene.solution import SolvedScene
 
 
@@ -33,16 +32,18 @@ def assemble(solved: SolvedScene, everybody: Sequence[PersonOfScene], reconstruc
     solved = replace(solved, bundle=solved.bundle.scaled(factor))
     reference = solved.photos[solved.reference]
     photos = _photos(solved, everybody, reconstruction, scales)
-    people = _people(solved.photos, everybody)
     others = [photo for photo in photos if photo.index != reference.index]
     checks = (
         *checks_of_keypoints(reconstruction, others),
         *checks_of_cameras(_solved_views(solved), solved.rows),
     )
     reconstruction = with_checks(reconstruction, checks)
-    names = {photo.index: photo.name for photo in photos}
-    moved = [_move(one, names) for one in people if one.moved]
-    unseen = [_not_shown(one, reference.name, names) for one in people if reference.index not in one.views]
+    moved = [f"a person of {names} moved between them, and is as one of them shows" for names in solved.moved]
+    unseen = []
+    for row, one in enumerate(everybody):
+        if solved.reference not in one.shown:
+            own, shown = reference.name, ", ".join(photo.name for photo in photos if row in photo.shown)
+            unseen.append(f"person {row} is not in {own}, but in {shown}: checks of {own} do not measure them")
     shared = "1 person" if len(solved.rows) == 1 else f"{len(solved.rows)} people"
     first = f"cameras of {len(photos)} photos from {shared}; the frame is that of {reference.name}"
     return SceneResult(
@@ -53,7 +54,6 @@ def assemble(solved: SolvedScene, everybody: Sequence[PersonOfScene], reconstruc
         ),
         reference=reference.index,
         photos=photos,
-        people=people,
         left_out=solved.left_out,
     )
 
@@ -78,25 +78,12 @@ def _solved_views(solved: SolvedScene) -> list[SolvedView]:
     return found
 
 
-def _move(person: ScenePerson, names: dict[int, str]) -> str:
-    """Return a sentence about a person who moved; names are those of the photos."""
-    views = ", ".join(names[view] for view in person.views)
-    return f"person {person.row} moved between the photos ({views}), and is as one of them shows"
-
-
-def _not_shown(person: ScenePerson, reference: str, names: dict[int, str]) -> str:
-    """Return a sentence about a person whom only other photos show; names are those of the photos."""
-    views = ", ".join(names[view] for view in person.views)
-    return f"person {person.row} is not in {reference}, but in {views}: checks of {reference} do not measure them"
-
-
 def _photos(
     solved: SolvedScene, everybody: Sequence[PersonOfScene], reconstruction: Reconstruction, scales: FloatArray
 ) -> tuple[SolvedPhoto, ...]:
     """Return the photos, with the factors (V,) on the scenes of the photos alone."""
     found = []
     for v, photo in enumerate(solved.photos):
-        person = {rows[v]: one.number for one in everybody if v in (rows := {**one.elsewhere, **one.shown})}
         errors = solved.errors[v][np.isfinite(solved.errors[v])]
         own = v == solved.reference
         pose = CameraPose.identity() if own else solved.bundle.pose(v)
@@ -112,7 +99,6 @@ def _photos(
                 index=photo.index,
                 name=photo.name,
                 camera=camera,
-                people=tuple(person.get(i) for i in range(len(photo.result.people))),
                 shown={row: one.shown[v] for row, one in enumerate(everybody) if v in one.shown},
                 reprojection=float(np.median(errors)) if len(errors) else float("nan"),
                 scene_scale=float(scales[v]),
@@ -120,16 +106,3 @@ def _photos(
             )
         )
     return tuple(found)
-
-
-def _people(photos: Sequence[ScenePhoto], everybody: Sequence[PersonOfScene]) -> tuple[ScenePerson, ...]:
-    """Return all people but those whom the reference photo alone shows."""
-    numbered = [(one.number, row, one) for row, one in enumerate(everybody) if one.number is not None]
-    return tuple(
-        ScenePerson(
-            views=tuple(photos[v].index for v in sorted({**one.elsewhere, **one.shown})),
-            row=row,
-            moved=bool(one.elsewhere),
-        )
-        for _, row, one in sorted(numbered, key=lambda entry: entry[0])
-    )

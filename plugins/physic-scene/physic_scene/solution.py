@@ -46,7 +46,7 @@ class SolvedScene(ShortRepr):
         left_out: the other photos.
         reference: index into ``photos``.
         rows: (P, V) row of each solved person in each photo, -1 where not shown.
-        moved: (M, V) the same as ``rows`` for people who are in different places or poses, who are not solved.
+        moved: names of the photos that show one person in different places or poses, who is not solved.
         observations: of the solved people.
         bundle: cameras and points.
         intrinsics: of each photo, solved.
@@ -62,7 +62,7 @@ class SolvedScene(ShortRepr):
     left_out: tuple[SkippedPhoto, ...]
     reference: int
     rows: IntArray
-    moved: IntArray
+    moved: tuple[str, ...]
     observations: MomentObservations
     bundle: Bundle
     intrinsics: tuple[Intrinsics, ...]
@@ -84,7 +84,7 @@ def solve_scene(chosen: ChosenPhotos, model: BodyModel) -> SolvedScene:
     Raises:
         InputError: no two photos fit each other.
     """
-    moved = chosen.rows[:0]
+    moved: list[str] = []
     while True:
         found = _adjusted(chosen)
         bad = found.errors > _MOST_OFF
@@ -97,10 +97,10 @@ def solve_scene(chosen: ChosenPhotos, model: BodyModel) -> SolvedScene:
         if view is not None:
             why = "its people are in other places or poses than in the other photos"
             chosen = chosen.without(view, "does not fit", why)
-            moved = chosen.rows[:0]
+            moved = []
         elif bad.any() and len(chosen.rows) > 1:
             worst = int(np.argmax(bad.sum(0) + np.nanmax(found.errors, axis=0)))
-            moved = np.concatenate([moved, chosen.rows[worst : worst + 1]])
+            moved.append(", ".join(chosen.photos[v].name for v in np.flatnonzero(chosen.rows[worst] >= 0)))
             chosen = replace(chosen, rows=np.delete(chosen.rows, worst, axis=0))
         else:
             return _solution(chosen, moved, found, model)
@@ -116,7 +116,7 @@ class _Adjusted:
     errors: FloatArray
 
 
-def _solution(chosen: ChosenPhotos, moved: IntArray, found: _Adjusted, model: BodyModel) -> SolvedScene:
+def _solution(chosen: ChosenPhotos, moved: Sequence[str], found: _Adjusted, model: BodyModel) -> SolvedScene:
     """Return the solution at the scale that people's sizes tell, with one body for each person."""
     sigmas = uncertainties(found.observations, found.bundle, found.reference)
     scale, scale_sigma = _scale(found.observations, found.bundle)
@@ -134,7 +134,7 @@ def _solution(chosen: ChosenPhotos, moved: IntArray, found: _Adjusted, model: Bo
         left_out=chosen.left_out,
         reference=found.reference,
         rows=rows,
-        moved=moved,
+        moved=tuple(moved),
         observations=observations,
         bundle=bundle,
         intrinsics=tuple(

@@ -53,9 +53,8 @@ class SolvedPhoto(ShortRepr):
         index: of the photo, as it was given.
         name: of the photo.
         camera: of the photo, in the frame of the reference camera.
-        people: person of the scene for each person of this photo; None for a person whom no other photo shows.
         shown: index in ``SceneResult.reconstruction.people`` -> index in ``result.people``, of the people whose bodies
-            this photo shows. Someone who moved between the photos is in one photo alone.
+            this photo shows.
         reprojection: median distance of the solved keypoints from those of the photo, as a share of the stature in px.
         scene_scale: factor from the scene of the photo alone to that of the solution.
         result: reconstruction of the photo alone, in the frame of its camera.
@@ -64,32 +63,10 @@ class SolvedPhoto(ShortRepr):
     index: int
     name: str
     camera: SceneCamera
-    people: tuple[int | None, ...]
     shown: Mapping[int, int]
     reprojection: float
     scene_scale: float
     result: Reconstruction
-
-
-@dataclass(frozen=True)
-class ScenePerson(ShortRepr):
-    """One person of the scene.
-
-    Attributes:
-        views: index of the photos that show the person, as they were given.
-        row: index in ``SceneResult.reconstruction.people``, which has the body.
-        moved: whether the photos show the person in different poses or places. The body is then that of the reference
-            photo alone, or of the first photo that shows the person.
-    """
-
-    views: tuple[int, ...]
-    row: int
-    moved: bool
-
-    @property
-    def solved(self) -> bool:
-        """Whether the body is that of several photos."""
-        return len(self.views) > 1 and not self.moved
 
 
 @dataclass(frozen=True)
@@ -100,15 +77,12 @@ class SceneResult(ShortRepr):
         reconstruction: people, scene and contact as the reference photo shows them, solved with all photos.
         reference: index of its photo, as it was given.
         photos: in the solution, in the order in which they were given.
-        people: whom at least two photos show, then whom one photo but the reference shows; ``row`` joins them to
-            ``reconstruction.people``.
         left_out: photos that are not part of the solution.
     """
 
     reconstruction: Reconstruction
     reference: int
     photos: tuple[SolvedPhoto, ...]
-    people: tuple[ScenePerson, ...]
     left_out: tuple[SkippedPhoto, ...]
 
     @property
