@@ -25,7 +25,7 @@ from physic_core.io.photo import limit_size, read_photo
 from physic_embedded.networks.line_segments import detect_line_segments
 from physic_embedded.networks.sessions import open_packaged_session
 from physic_embedded.relative_pointmap import EmbeddedPointmapOptions
-from physic_embedded.single_view.focal import DEFAULT_FOCAL_SIGMA, manhattan_frame
+from physic_embedded.single_view.focal import DEFAULT_FOCAL_SIGMA, focal_of_segments
 
 from .truth.sets import SETS, picture_of
 from .truth.statistics import Record, figure, pooled
@@ -111,8 +111,8 @@ def focal_of(session: OnnxSession, picture: Picture) -> tuple[float, float]:
     height, width = picture.shape[:2]
     side = max(height, width)
     segments = detect_line_segments(session, picture)
-    frame = manhattan_frame(segments, width, height, float(np.exp(DEFAULT[0])) * side, DEFAULT[1])
-    return DEFAULT if frame is None else (float(np.log(frame.focal_px / side)), frame.focal_sigma)
+    found = focal_of_segments(segments, width, height, float(np.exp(DEFAULT[0])) * side, DEFAULT[1])
+    return DEFAULT if found is None else (float(np.log(found[0] / side)), found[1])
 
 
 def row(name: str, records: Sequence[Record]) -> str:

@@ -19,8 +19,8 @@ from physic_embedded.networks.sessions import Products, graph_name, open_package
 from physic_embedded.single_view.disparity_floor import fit_disparity_floor
 from physic_embedded.single_view.disparity_offset import disparity_at_infinity
 from physic_embedded.single_view.flying_pixels import flying_pixels
-from physic_embedded.single_view.focal import DEFAULT_FOCAL_SIGMA, manhattan_frame
-from physic_embedded.single_view.gravity import gravity_from_manhattan_frame, gravity_from_segments
+from physic_embedded.single_view.focal import DEFAULT_FOCAL_SIGMA, focal_of_segments
+from physic_embedded.single_view.gravity import gravity_from_segments
 from physic_embedded.single_view.upright import body_planes, wall_planes
 from physic_embedded.standing import StandingPerson, standing_people
 
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
     from physic_core.adapters.onnx_sessions import OnnxSession
     from physic_core.types import Hints
-    from physic_embedded.single_view.focal import ManhattanFrame
     from physic_embedded.single_view.gravity import Gravity
 
     FloatArray = NDArray[np.floating]
@@ -38,7 +37,7 @@ _MIN_GAP = 0.002  # ranges of the disparity between infinity and the farthest po
 _SKY_DISPARITY = 0.004  # ranges: the network answers 0 for the sky
 _MIN_RELIABLE_GAP = 0.01  # ranges: farther than this the network's own noise is larger than what it says
 
-_SURE_FOCAL_SIGMA = 0.1  # of log focal length: up to it, vanishing points give a camera and a Manhattan frame
+_SURE_FOCAL_SIGMA = 0.1  # of log focal length: up to it, vanishing points count as an estimate
 _PEOPLE_FARTHER = (0.136, 0.114)  # benchmarks/contact_on_photos.py: median and spread of 56 people on their feet
 
 
@@ -69,14 +68,6 @@ class EmbeddedPointmapOptions(Options):
         "int8 takes two thirds of the time, but one level of one pixel can then move the scene by centimetres",
     )
     threads: int = Field(2, ge=0, le=256, description="threads of the network; 0 leaves the choice to onnxruntime")
-
-
-@dataclass(frozen=True)
-class _EdgeCues:
-    """Manhattan frame and gravity estimated from straight edges."""
-
-    frame: ManhattanFrame | None
-    gravity: Gravity | None
 
 
 class EmbeddedPointmap(RelativePointmap):
@@ -119,7 +110,7 @@ class EmbeddedPointmap(RelativePointmap):
         if hints.scene is not None:
             short_side = min(short_side, self.options.photo_short_side)
         raw = predict_disparity(self._depth, image, short_side, self.options.max_tokens)
-        camera, edges, notes = self._camera(image, hints)
+        camera, gravity, notes = self._camera(image, hints)
         low = np.percentile(raw, 1)
         span = max(float(np.percentile(raw, 99) - low), 1e-6)
 
@@ -128,7 +119,7 @@ class EmbeddedPointmap(RelativePointmap):
         if found is None:
             if hints.scene is not None:
                 notes.append("the photo's depth could not be matched to the scene's outside the people")
-            infinity, disparity_sigma, rule = self._disparity_at_infinity(raw, camera, edges, hints)
+            infinity, disparity_sigma, rule = self._disparity_at_infinity(raw, camera, gravity, hints)
             notes.append(rule)
         else:
             infinity = found.infinity
@@ -150,52 +141,41 @@ class EmbeddedPointmap(RelativePointmap):
             points, valid, "inverse_scale_shift", camera, tuple(notes), shift_sigma, people_farther=_PEOPLE_FARTHER
         )
 
-    def _camera(self, image: NDArray[np.uint8], hints: Hints) -> tuple[Intrinsics, _EdgeCues, list[str]]:
-        """Return the known, edge-based or default camera, the edge cues, and notes."""
+    def _camera(self, image: NDArray[np.uint8], hints: Hints) -> tuple[Intrinsics, Gravity | None, list[str]]:
+        """Return the known, edge-based or default camera, gravity by edges, and notes."""
         height, width = image.shape[:2]
-        given = known_camera(hints, image)
+        camera, notes = known_camera(hints, image), []
         segments = None
         if self._lines is not None and hints.scene is None:
             # Inpainted pixels have lines of their own, which a hole one pixel wider changes.
             segments = detect_line_segments(self._lines, image if hints.photo is None else hints.photo)
             if hints.hole is not None:
                 segments = segments_outside_mask(segments, hints.hole)
-        if given is None:
-            camera, frame, note = self._estimated_camera(segments, width, height)
+        if camera is None:
+            camera, note = self._estimated_camera(segments, width, height)
             notes = [note]
-            if frame is not None:
-                return camera, _EdgeCues(frame, gravity_from_manhattan_frame(frame)), notes
-        else:
-            camera, notes = given, []
         if segments is None:
-            return camera, _EdgeCues(None, None), notes
+            return camera, None, notes
         gravity = gravity_from_segments(segments, width, height, camera.fx, focal_sigma=camera.focal_sigma or 0.0)
-        return camera, _EdgeCues(None, gravity), notes
+        return camera, gravity, notes
 
     def _estimated_camera(
         self, segments: NDArray[np.float64] | None, width: int, height: int
-    ) -> tuple[Intrinsics, ManhattanFrame | None, str]:
-        """Return the camera by the default and the segments, the Manhattan frame if it is sure, and a note."""
+    ) -> tuple[Intrinsics, str]:
+        """Return the camera by the default and the segments, and a note."""
         default = self.options.default_focal
-        focal, sigma, frame = default * max(width, height), DEFAULT_FOCAL_SIGMA, None
+        focal, sigma = default * max(width, height), DEFAULT_FOCAL_SIGMA
         source = f"default ({default:g} x the long side)"
-        if segments is not None:
-            frame = manhattan_frame(segments, width, height, focal, sigma)
-        if frame is not None:
-            focal, sigma = frame.focal_px, frame.focal_sigma
-            if sigma <= _SURE_FOCAL_SIGMA:
-                camera = replace(Intrinsics.from_focal(focal, width, height, "vanishing points"), focal_sigma=sigma)
-                return (
-                    camera,
-                    frame,
-                    f"focal length {focal:.0f} px ± {sigma:.0%} from the vanishing points of straight edges",
-                )
+        found = None if segments is None else focal_of_segments(segments, width, height, focal, sigma)
+        if found is not None:
+            focal, sigma = found
             source += " and vanishing points"
-        camera = Intrinsics.from_focal(focal, width, height, source, CameraTrust.GUESSED)
-        return replace(camera, focal_sigma=sigma), None, f"the focal length is a {source}: it may be off by {sigma:.0%}"
+        trust = CameraTrust.ESTIMATED if sigma <= _SURE_FOCAL_SIGMA else CameraTrust.GUESSED
+        camera = Intrinsics.from_focal(focal, width, height, source, trust)
+        return replace(camera, focal_sigma=sigma), f"the focal length is a {source}: it may be off by {sigma:.0%}"
 
     def _disparity_at_infinity(
-        self, raw: FloatArray, camera: Intrinsics, edges: _EdgeCues, hints: Hints
+        self, raw: FloatArray, camera: Intrinsics, gravity: Gravity | None, hints: Hints
     ) -> tuple[float, float, str]:
         """Estimate the disparity at infinity from the photo's cues, with its deviation, and describe the cues used."""
         rows, columns = raw.shape
@@ -213,8 +193,7 @@ class EmbeddedPointmap(RelativePointmap):
             raw,
             fit_disparity_floor(raw, hole, ground),
             focal,
-            gravity=edges.gravity,
-            frame=edges.frame,
+            gravity=gravity,
             standing=people,
             walls=None if walls is None else wall_planes(raw, walls, focal),
             bodies=body_planes(hints.keypoints, (camera.cx, camera.cy), camera.fx),

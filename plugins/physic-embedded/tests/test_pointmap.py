@@ -12,9 +12,8 @@ from scipy.spatial.transform import Rotation
 from physic_core.types import Hints, Keypoints, People, Pointmap
 from physic_embedded.relative_pointmap import EmbeddedPointmap
 from physic_embedded.single_view.disparity_floor import fit_disparity_floor
-from physic_embedded.single_view.disparity_offset import disparity_at_infinity, manhattan_normal_share
+from physic_embedded.single_view.disparity_offset import disparity_at_infinity
 from physic_embedded.single_view.flying_pixels import flying_pixels
-from physic_embedded.single_view.focal import ManhattanFrame
 from physic_embedded.single_view.gravity import Gravity
 from physic_embedded.single_view.upright import axes_cost, body_planes, wall_planes
 from physic_embedded.standing import StandingPerson, standing_people
@@ -52,10 +51,6 @@ def inverse_depth_of_a_room(turn: NDArray[np.float64], ahead: float = 5.0) -> ND
     return inverse
 
 
-def frame_of(turn: NDArray[np.float64]) -> ManhattanFrame:
-    return ManhattanFrame(FOCAL, 0.05, turn.T)
-
-
 def test_the_floor_comes_back_under_furniture_noise_and_a_hole() -> None:
     rng = np.random.default_rng(0)
     down = Rotation.from_euler("xz", [10, 3], degrees=True).as_matrix()[:, 1]
@@ -84,23 +79,11 @@ def test_the_disparity_of_infinity_of_a_room_comes_back_from_its_gravity(ahead: 
     floor = fit_disparity_floor(disparity)
     down = turn[:, 1]
     pitch = float(np.degrees(np.arctan2(down[2], down[1])))
-    found = disparity_at_infinity(
-        disparity, floor, FOCAL, gravity=Gravity(down, pitch, 1.5, "the edges of the room"), frame=frame_of(turn)
-    )
+    found = disparity_at_infinity(disparity, floor, FOCAL, gravity=Gravity(down, pitch, 1.5, "upright edges"))
     assert found.outdoors < 0.01
     assert found.gap == pytest.approx(far / span, rel=0.12)
     assert found.disparity == pytest.approx(infinity, abs=0.12 * far / span)
     assert "farthest pixels are taken as a wall" in found.rule
-
-
-def test_normals_of_a_room_agree_best_with_its_axes_at_the_true_infinity() -> None:
-    turn = Rotation.from_euler("yx", [20, 6], degrees=True).as_matrix()
-    inverse = inverse_depth_of_a_room(turn)
-    gaps = np.array([0.25, 0.5, 0.8, 1.0, 1.25, 2.0, 4.0])
-    far = np.percentile(inverse, 0.5)
-    shares = [manhattan_normal_share(inverse, far * (1 - gap), FOCAL, frame_of(turn)) for gap in gaps]
-    assert gaps[int(np.argmax(shares))] == 1.0
-    assert max(shares) > 0.85
 
 
 @pytest.mark.parametrize(("pitch", "roll"), [(10, 0), (30, -20), (45, 10)])

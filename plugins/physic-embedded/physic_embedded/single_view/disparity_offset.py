@@ -2,8 +2,8 @@
 
 A plane stays a plane whatever is taken for infinity, so flatness says nothing about it. What moves is the floor's
 horizon, so cues are weighed on it: walls that stand upright on the floor, people who do, gravity read off upright
-edges, the height of the camera beside a standing person, the look of a Manhattan room; and, before all cues, whether
-the farthest pixels are as good as infinitely far, as they are outdoors.
+edges, the height of the camera beside a standing person; and, before all cues, whether the farthest pixels are as good
+as infinitely far, as they are outdoors.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_embedded.single_view.disparity_floor import DisparityFloor
-    from physic_embedded.single_view.focal import ManhattanFrame
     from physic_embedded.single_view.gravity import Gravity
     from physic_embedded.standing import StandingPerson
 
@@ -65,7 +64,6 @@ def disparity_at_infinity(
     focal_px: float,
     *,
     gravity: Gravity | None = None,
-    frame: ManhattanFrame | None = None,
     standing: tuple[StandingPerson, ...] = (),
     walls: FloatArray | None = None,
     bodies: FloatArray | None = None,
@@ -77,7 +75,6 @@ def disparity_at_infinity(
         floor: of the same map, or None.
         focal_px: focal length at the resolution of ``disparity``, px.
         gravity: direction of gravity, or None.
-        frame: Manhattan frame of the picture, or None.
         standing: standing people, px at the resolution of ``disparity``.
         walls: (M, 3) local planes of walls, see :func:`~physic_embedded.single_view.upright.wall_planes`.
         bodies: (N, 3) planes of standing people, see :func:`~physic_embedded.single_view.upright.body_planes`.
@@ -104,11 +101,6 @@ def disparity_at_infinity(
         if standing:
             cost = cost + _camera_height_cost(floor, candidates, standing, disparity.shape)
             cues.append("the camera's height beside standing people")
-    if frame is not None:
-        seen = np.array([manhattan_normal_share(disparity, c, focal_px, frame) for c in candidates[::4]])
-        score = np.interp(np.log(gaps), np.log(gaps[::4]), seen)
-        cost = cost + 4 * (1 - score / max(float(score.max()), 1e-6))
-        cues.append("the walls of the room")
     best = int(cost.argmin())
     far = f"the farthest pixels are taken as {'infinitely far' if outdoors > 0.5 else 'a wall'}"
     rule = f"{far}; also used: {', '.join(cues)}" if cues else f"{far}, since the photo has no other cue"
@@ -170,31 +162,3 @@ def _robust(residual: FloatArray) -> FloatArray:
     """Return a robust squared residual, so that a single wrong cue cannot outweigh the others."""
 
     return np.asarray(4 * np.log1p(residual**2 / 4))
-
-
-def manhattan_normal_share(disparity: FloatArray, infinity: float, focal_px: float, frame: ManhattanFrame) -> float:
-    """Return the share, 0 to 1, of surface normals along the axes of a Manhattan frame for a disparity at infinity.
-
-    Args:
-        disparity: (H, W).
-        infinity: a disparity below all of the map.
-        focal_px: focal length at the resolution of ``disparity``.
-        frame: the axes.
-    """
-
-    height, width = disparity.shape
-    step = max(1, max(height, width) // 200)
-    coarse = np.asarray(disparity, np.float64)[::step, ::step]
-    z = 1 / np.maximum(coarse - infinity, 1e-6 * abs(float(coarse.max())) + 1e-12)
-    rows, columns = np.mgrid[0:height:step, 0:width:step]
-    rays = np.stack([(columns - (width - 1) / 2) / focal_px, (rows - (height - 1) / 2) / focal_px, np.ones_like(z)], -1)
-    points = rays * z[..., None]
-    right = points[1:-1, 2:] - points[1:-1, :-2]
-    down = points[2:, 1:-1] - points[:-2, 1:-1]
-    normals = np.cross(right, down)
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True) + 1e-12
-    slope = np.hypot(*np.gradient(coarse))[1:-1, 1:-1]
-    smooth = slope < np.percentile(slope, 85)  # the steepest pixels are depth edges
-    cosine = np.abs(normals[smooth] @ frame.axes.T).max(-1)
-    limit = np.cos(np.radians(15.0))
-    return float(np.clip((cosine - limit) / (1 - limit), 0, 1).mean())

@@ -1,4 +1,4 @@
-"""Estimate the focal length and a Manhattan frame from line segments.
+"""Estimate the focal length from line segments.
 
 Three orthogonal directions with one focal length explain most straight edges of rooms and streets. The principal point
 is taken at the centre of the picture. All searches run over fixed grids that are their own mirror image, so that a
@@ -38,21 +38,6 @@ _BY_CHANCE = 3.5  # share of lines explained where few edges are orthogonal, tim
 _TEMPER = (
     0.25  # independent observations a line: photos and their mirror images differ by .4 sigma at most (95 % of 32)
 )
-
-
-@dataclass(frozen=True)
-class ManhattanFrame:
-    """Focal length by a default and line segments together, and three orthogonal axes that fit it.
-
-    Attributes:
-        focal_px: focal length, px: geometric mean over its posterior.
-        focal_sigma: standard deviation of its logarithm.
-        axes: (3, 3) rows are orthogonal unit directions in the camera frame, in no order, signs arbitrary.
-    """
-
-    focal_px: float
-    focal_sigma: float
-    axes: FloatArray
 
 
 @dataclass(frozen=True)
@@ -171,9 +156,9 @@ def _refined(lines: _Segments, axes: FloatArray, focal: FloatArray) -> FloatArra
     return axes
 
 
-def manhattan_frame(
+def focal_of_segments(
     segments: FloatArray, width: int, height: int, default_px: float, default_sigma: float
-) -> ManhattanFrame | None:
+) -> tuple[float, float] | None:
     """Estimate the focal length by a default and the segments that the best Manhattan frame of each length explains.
 
     Each segment runs along one of three orthogonal axes, with an error, or anywhere. The likelihood of a focal length
@@ -187,7 +172,8 @@ def manhattan_frame(
         default_sigma: standard deviation of its logarithm.
 
     Returns:
-        The frame, or None when there are too few segments or they are explained no better than by chance.
+        The focal length, px, a geometric mean, and the standard deviation of its logarithm; None when there are too few
+        segments or they are explained no better than by chance.
     """
     from scipy.interpolate import CubicSpline
 
@@ -199,21 +185,18 @@ def manhattan_frame(
     focals = np.broadcast_to(_GRID[:, None], starts.shape[:2])
     axes = _refined(lines, starts, focals)
     nats = _nats(lines, axes, focals)
-    axes, nats = axes[np.arange(len(_GRID)), nats.argmax(1)], nats.max(1)
 
-    best = int(nats.argmax())
-    odds = _ratios(lines, axes[best], _GRID[best]).sum(0)
+    best = np.unravel_index(nats.argmax(), nats.shape)
+    odds = _ratios(lines, axes[best], focals[best]).sum(0)
     count = lines.weight.sum()
     share = float(odds / (_OUTLIERS + odds) @ lines.weight / count)
     beyond_chance = 1 - _BY_CHANCE**2 / (share**2 * count)
     if beyond_chance <= 0:
         return None
     logs = np.linspace(np.log(_GRID[0]), np.log(_GRID[-1]), 10 * len(_GRID))
-    log_posterior = _TEMPER * beyond_chance * CubicSpline(np.log(_GRID), nats)(logs)
+    log_posterior = _TEMPER * beyond_chance * CubicSpline(np.log(_GRID), nats.max(1))(logs)
     log_posterior -= ((logs - np.log(default)) / default_sigma) ** 2 / 2
     weight = np.exp(log_posterior - log_posterior.max())
     mean = float(np.average(logs, weights=weight))
     sigma = float(np.sqrt(np.average((logs - mean) ** 2, weights=weight)))
-    nearest = axes[np.abs(np.log(_GRID) - mean).argmin()]
-    frame = _refined(lines, nearest, np.asarray(np.exp(mean)))
-    return ManhattanFrame(float(np.exp(mean)) * max(width, height), sigma, frame)
+    return float(np.exp(mean)) * max(width, height), sigma

@@ -10,15 +10,15 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_embedded.single_view.focal import ManhattanFrame
-
     FloatArray = NDArray[np.float64]
 
 _MAX_TILT_DEG = 25.0  # from the image's vertical; a pitched camera fans upright edges out
-_MAX_PITCH_DEG = 35.0
-_MAX_ROLL_DEG = 15.0
+_PITCHES_DEG = np.arange(-35.0, 36.0)  # searched
+_ROLLS_DEG = np.arange(-15.0, 16.0)
 _TOLERANCE_DEG = 1.5
 _MIN_SEGMENTS = 20  # fewer agree by chance
+_PARTS = 5  # of the segments, from left to right by turns
+_LEFT_OUT = (0, 2)  # of each search
 
 
 @dataclass(frozen=True)
@@ -38,37 +38,19 @@ class Gravity:
     source: str
 
 
-def gravity_from_manhattan_frame(frame: ManhattanFrame) -> Gravity | None:
-    """Return gravity from the most vertical axis of a Manhattan frame, or None if no axis is near the vertical."""
-
-    axis = frame.axes[np.abs(frame.axes[:, 1]).argmax()]
-    down = axis * np.sign(axis[1])
-    pitch, roll = _pitch_roll(down)
-    if abs(pitch) > _MAX_PITCH_DEG or abs(roll) > _MAX_ROLL_DEG:
-        return None
-    return Gravity(down, float(pitch), 1.5, "the edges of the room")
-
-
 def _pitch_roll(down: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return pitch and roll of a direction of gravity, degrees."""
     return np.degrees(np.arctan2(down[..., 2], down[..., 1])), np.degrees(np.arcsin(down[..., 0]))
 
 
 def gravity_from_segments(
-    segments: FloatArray,
-    width: int,
-    height: int,
-    focal_px: float,
-    *,
-    focal_sigma: float = 0.0,
-    searches: int = 5,
-    draws: int = 600,
-    kept: float = 0.6,
+    segments: FloatArray, width: int, height: int, focal_px: float, *, focal_sigma: float = 0.0
 ) -> Gravity | None:
     """Estimate gravity from the vanishing point of near-vertical segments.
 
-    Searches on random parts of the segments must agree: their spread is part of the uncertainty, and so is the focal
-    length, because the tangent of the pitch is the focal length over the distance of that vanishing point.
+    Searches on parts of the segments must agree: their spread is part of the uncertainty, and so is the focal length,
+    because the tangent of the pitch is the focal length over the distance of that vanishing point. A mirrored picture
+    has the mirrored parts.
 
     Args:
         segments: (M, 2, 2) px.
@@ -76,9 +58,6 @@ def gravity_from_segments(
         height: of the picture, px.
         focal_px: focal length, px.
         focal_sigma: standard deviation of the logarithm of the focal length.
-        searches: random parts.
-        draws: pairs of segments a search.
-        kept: share of the segments in a part.
 
     Returns:
         Gravity, or None when there are too few upright segments or the searches disagree by more than 6 degrees.
@@ -92,11 +71,11 @@ def gravity_from_segments(
     rays, size = rays[upright], size[upright]
     if len(rays) < _MIN_SEGMENTS:
         return None
-    rng = np.random.default_rng(0)
+    rank = np.argsort(np.argsort(rays[..., 0].mean(1)))  # from left to right
     found = []
-    for _ in range(searches):
-        part = rng.permutation(len(rays))[: max(5, round(kept * len(rays)))]
-        down = _vertical_direction(rays[part], size[part], rng, draws)
+    for number in range(_PARTS):
+        part = ~np.isin((rank - number) % _PARTS, _LEFT_OUT)
+        down = _vertical_direction(rays[part], size[part])
         if down is None:
             return None
         found.append(down)
@@ -109,8 +88,8 @@ def gravity_from_segments(
     return Gravity(down, pitch, float(np.hypot(np.hypot(1.5, spread), focal_sigma * pitch)), "upright edges")
 
 
-def _vertical_direction(rays: FloatArray, size: FloatArray, rng: np.random.Generator, draws: int) -> FloatArray | None:
-    """Estimate the direction along which the most segment length runs, by RANSAC on pairs and a weighted refit."""
+def _vertical_direction(rays: FloatArray, size: FloatArray) -> FloatArray | None:
+    """Estimate the direction along which the most segment length runs, on a grid and by a weighted refit."""
 
     ends = np.concatenate([rays, np.ones((*rays.shape[:2], 1))], -1)
     planes = np.cross(ends[:, 0], ends[:, 1])  # of a segment and the camera; gravity lies in all of them
@@ -125,15 +104,8 @@ def _vertical_direction(rays: FloatArray, size: FloatArray, rng: np.random.Gener
         miss = np.abs(way[..., 0] * along[:, 1] - way[..., 1] * along[:, 0])
         return np.asarray(size * np.clip(1 - miss / limit, 0, 1))
 
-    keys = np.log(size) + rng.gumbel(size=(draws, len(size)))
-    pairs = np.argpartition(-keys, 2, axis=1)[:, :2]
-    down = np.cross(planes[pairs[:, 0]], planes[pairs[:, 1]])
-    down /= np.linalg.norm(down, axis=-1, keepdims=True) + 1e-12
-    down *= np.where(down[:, 1:2] < 0, -1, 1)
-    pitch, roll = _pitch_roll(down)
-    down = down[(np.abs(pitch) < _MAX_PITCH_DEG) & (np.abs(roll) < _MAX_ROLL_DEG)]
-    if not len(down):
-        return None
+    pitch, roll = np.meshgrid(np.radians(_PITCHES_DEG), np.radians(_ROLLS_DEG))
+    down = np.stack([np.sin(roll), np.cos(roll) * np.cos(pitch), np.cos(roll) * np.sin(pitch)], -1).reshape(-1, 3)
     best = down[worth(down).sum(-1).argmax()]
     for _ in range(5):
         weight = worth(best[None])[0]
