@@ -133,7 +133,13 @@ def test_tiles_cover_the_photo_and_stay_on_it(width: int, height: int, fraction:
         assert 0 <= x <= max(0, width - side)
         assert 0 <= y <= max(0, height - side)
         covered[y : y + side, x : x + side] = True
-    assert covered.all() or int(fraction * max(width, height)) < 160
+    assert covered.all() or fraction * max(width, height) < 160
+
+
+@pytest.mark.parametrize("fraction", [0.4, 0.5, 0.6])
+def test_as_many_tiles_cover_a_photo_with_a_column_less(fraction: float) -> None:
+    counts = {len(list(tiles(width, 900, [fraction]))) for width in range(1230, 1290)}
+    assert len(counts) == 1
 
 
 def test_candidates_on_one_body_are_merged_and_neighbours_are_not() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -17,7 +18,8 @@ def tiles(width: int, height: int, fractions: Sequence[float], smallest: int = 1
         smallest: sides below this, px, give no tile.
     """
     for fraction in fractions:
-        side = int(fraction * max(width, height))
+        # Rounded down, a long side of 1279 px would need a fifth tile of .4 where 1280 px need four.
+        side = math.ceil(fraction * max(width, height))
         if side < smallest or fraction >= 1.0:
             continue
 
