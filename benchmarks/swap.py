@@ -24,7 +24,6 @@ from physic_core.cache.folders import CACHE_VARIABLE, CACHES
 SWAPS = {
     "nothing": (),
     "inpainter: telea": ("inpainter.backend=telea",),
-    "metric depth by torsos": ("metric_depth.options.scale_by=torsos",),
     "keypoints of its own": ("keypoint_detector.options.reuse=false",),
     "hands from 24 px": ("hand_estimator.options.least_size_px=24",),
 }

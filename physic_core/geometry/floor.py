@@ -1,84 +1,44 @@
-"""Floor search in a point map.
+"""Planes of a point map in inverse depth, any of which may be the floor. OpenCV camera frame.
 
 A plane n . X + o = 0 is linear in inverse depth: with the ray (x, y, 1) = X / Z of a pixel, 1 / Z = a x + b y + c,
-where ``n = -(a, b, c) / |(a, b, c)|`` and ``o = 1 / |(a, b, c)|``. :func:`fit_floor` fits in inverse depth: this needs
-no scale, and uncertain distant points have little weight.
+where ``n = -(a, b, c) / |(a, b, c)|`` and ``o = 1 / |(a, b, c)|``. A fit in inverse depth needs no scale, and uncertain
+distant points have little weight.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import torch
 from torch import Tensor
 
-from physic_core.geometry.floor_ransac import (
-    FEWEST_SAMPLES,
-    LOWER_SHARE,
-    BlockMeans,
-    average_blocks,
-    fit_plane,
-    plane_inlier_shares,
-)
-from physic_core.geometry.gravity import estimate_up
+from physic_core.geometry.floor_ransac import FEWEST_SAMPLES, average_blocks, fit_plane, plane_inlier_shares, refit
 from physic_core.geometry.tensors import all_finite, select_pixels
 
-FloorReason = Literal["found", "no_pixels", "no_consensus", "below_plane", "switched_off"]
-"""Reason why a search ended: "found"; "no_pixels": too few pixels; "no_consensus": too few inliers; "below_plane": too
-many pixels below the best plane, so that it is not floor; "switched_off" by the settings."""
+FloorReason = Literal["found", "no_pixels", "no_consensus", "switched_off"]
+"""Result of a search: "found"; "no_pixels": too few pixels; "no_consensus": no plane is more likely than none;
+"switched_off" by the settings."""
 
-_TOLERANCE = 0.02
-"""Largest error of an inlier, as a share of the range of inverse depth."""
-
-MIN_INLIER_SHARE = 0.15
-"""Least inlier share of any accepted floor: that of a plane through people's feet."""
-
-MIN_UP_CONFIDENCE = 0.11
-"""Least confidence of an up direction that is used, see :class:`physic_core.geometry.gravity.UpEstimate`."""
+FloorSource = Literal["floor mask", "labels", "lower image", "level surfaces", "soles"]
+"""Pixels that a plane was fitted to: of the floor mask, with the label of a floor, of the lower part of the image, of
+its horizontal surfaces, or at the soles of people."""
 
 FEET_WINDOW = 0.08
 """Half side of the pixel window around each foot, as a share of the long image side."""
 
-MAX_BELOW_SHARE = 0.1
-"""Largest share of the lower part's pixels below a floor; a plane with more is a table or seat."""
+MASK_SLACK = 1.5
+"""Factor on the tolerance of pixels that are said to be floor: depth networks bend floors."""
 
-_PICTURE_SHARE = 0.3  # least inlier share in the lower part of the image
-_MASK_SHARE = 0.5  # least inlier share in the floor mask
-_MASK_BELOW_SHARE = 0.15  # as ``MAX_BELOW_SHARE``, for a floor mask: networks bend floors, and a table is not a floor
-_MASK_SLACK = 2.5  # factor on the tolerance of a second fit to the mask, as depth networks bend floors
+_TOLERANCE = 0.02  # largest error of an inlier, as a share of the range of inverse depth
 _LEAST_RISE = 0.05  # least increase of inverse depth from top to bottom, as a share of its range
-_FEET_NEAR = 0.006  # as ``FEET_WINDOW``, to confirm a plane
-_FEET_AGREE = 0.1  # largest relative error of inverse depth at feet that confirm a plane
 _REANCHOR_RANGE = (0.5, 2.0)
 _REANCHOR_BANDS = 4.0  # largest distance of floor pixels near feet from the plane, in tolerances
-_STEEP_COSINE = math.cos(math.radians(35.0))  # between up and the camera's up axis, of a camera that looks down steeply
-_MASK_SHARE_FACTOR = 0.9  # on ``_MASK_SHARE``, if the up direction is known
-_LEVEL_COSINE = math.cos(math.radians(25.0))  # least cosine between up and the normal of a horizontal pixel
-_LEVELS = 3  # number of horizontal surfaces tried
-_LEAST_LEVEL = 0.01  # least share of a horizontal surface in the image
-_LEVEL_BELOW = 0.04  # as ``MAX_BELOW_SHARE``, for a horizontal surface
-
-
-@dataclass(frozen=True)
-class FloorEvidence:
-    """Floor mask, inpainted pixels and pixels at soles, as input of the floor fit.
-
-    Attributes:
-        mask: (H, W) bool, pixels that a segmenter labels floor, or None.
-        hole: (H, W) bool, inpainted pixels, or None.
-        feet_px: (F, 2) px, floor pixels at people's soles; F may be 0; or None.
-    """
-
-    mask: Tensor | None = None
-    hole: Tensor | None = None
-    feet_px: Tensor | None = None
 
 
 @dataclass(frozen=True)
 class PlaneFit:
-    """A floor plane fitted to a point map.
+    """A plane fitted to a point map.
 
     Attributes:
         normal: (3,) unit, up, on the camera's side.
@@ -95,7 +55,7 @@ class PlaneFit:
     inliers: Tensor
     inlier_share: float
     below_share: float
-    source: Literal["floor mask", "lower image"]
+    source: FloorSource
     reanchored: float = 1.0
 
 
@@ -108,105 +68,41 @@ class FloorSearch:
         reason: why the search ended.
         inlier_share: of the best plane, accepted or not.
         below_share: of the best plane, accepted or not.
-        mask_reason: why the given floor mask was rejected, or None.
+        in_mask: whether the floor is where the segmenter sees one; None without a floor, or if it sees none.
     """
 
     plane: PlaneFit | None
     reason: FloorReason
     inlier_share: float = 0.0
     below_share: float = 0.0
-    mask_reason: FloorReason | None = None
+    in_mask: bool | None = None
 
 
-class _InverseDepthMap(NamedTuple):
-    """A point map as inverse depth over rays, with the evidence of the search."""
+class InverseDepthMap(NamedTuple):
+    """A point map as inverse depth over rays."""
 
     rays: Tensor  # (H, W, 3), X / Z, zero where not valid
     inverse: Tensor  # (H, W), 1 / Z
     valid: Tensor  # (H, W) bool
     tolerance: float  # inverse depth
     least_rise: float  # inverse depth
-    evidence: FloorEvidence
-    normals: Tensor | None  # (H, W, 3)
-    up: Tensor | None  # (3,), None if not confident
-
-    def samples(self, mask: Tensor | None) -> BlockMeans:
-        return average_blocks(self.rays, self.inverse, self.valid, mask, self.evidence.hole)
+    hole: Tensor | None  # (H, W) bool, inpainted pixels
 
     def error(self, plane: Tensor) -> Tensor:
-        """Return the absolute error (H, W) of a plane in inverse depth."""
-        return (self.inverse - self.rays @ plane.to(self.rays)).abs()
+        """Return the error (H, W) of a plane (3,) in inverse depth, positive for pixels in front of it."""
+        return self.inverse - self.rays @ plane.to(self.rays)
 
 
-def fit_floor(
-    points: Tensor, valid: Tensor, evidence: FloorEvidence | None = None, normals: Tensor | None = None
-) -> FloorSearch:
-    """Fit a floor plane to a point map in inverse depth.
-
-    The candidates are the pixels of the floor mask, then the lower part of the image, then its horizontal surfaces, the
-    largest first. The plane must be seen from above, must not be rolled, and must agree with a known up direction. Feet
-    confirm a plane but draw no hypotheses. Finally the plane is moved to the depth around the feet; its normal stays.
-
-    Args:
-        points: (H, W, 3), any unit, preferably of the photo without its people.
-        valid: (H, W) bool.
-        evidence: of the floor, or None.
-        normals: (H, W, 3) unit, zero where unknown; None leaves up unknown.
-
-    Returns:
-        The result; its ``plane`` is None if no floor is accepted.
-    """
-    view = _inverse_depth_map(points, valid, evidence or FloorEvidence(), normals)
-    if isinstance(view, str):
-        return FloorSearch(None, view)
-    found = _search(view)
-    if found.plane is None and view.normals is not None:
-        # The estimated up direction may belong to a wall, if the camera looks down steeply.
-        up = _steep_up(view)
-        again = found if up is None else _search(view._replace(up=up))
-        found = again if again.plane is not None else found
-    return found
-
-
-def _search(view: _InverseDepthMap) -> FloorSearch:
-    mask = view.evidence.mask
-    if mask is None or not bool(mask.any()):
-        return _search_picture(view)
-    masked = _search_mask(view, mask, view.tolerance)
-    if masked.reason == "no_consensus":
-        masked = _search_mask(view, mask, _MASK_SLACK * view.tolerance)
-    return masked if masked.plane is not None else replace(_search_picture(view), mask_reason=masked.reason)
-
-
-def _steep_up(view: _InverseDepthMap) -> Tensor | None:
-    """Estimate up (3,) from the best plane of the floor mask, else of the lower part, if it is steep in the camera."""
-    mask = view.evidence.mask
-    samples = view.samples(mask if mask is not None and bool(mask.any()) else None)
-    plane = _fit_plane(samples, view._replace(up=None), _MASK_SLACK * view.tolerance)
-    if isinstance(plane, str) or view.normals is None:
-        return None
-    normal = -plane / torch.linalg.vector_norm(plane)
-    if float(-normal[1]) > _STEEP_COSINE:
-        return None
-    estimate = estimate_up(select_pixels(view.valid, view.normals)[0], normal)
-    return estimate.up if estimate is not None and estimate.confidence >= MIN_UP_CONFIDENCE else None
-
-
-def _inverse_depth_map(
-    points: Tensor, valid: Tensor, evidence: FloorEvidence, normals: Tensor | None
-) -> _InverseDepthMap | FloorReason:
+def inverse_depth_map(points: Tensor, valid: Tensor, hole: Tensor | None = None) -> InverseDepthMap | None:
+    """Convert a point map (H, W, 3), valid (H, W), of any unit; None with too few pixels or a single depth."""
     valid = valid & all_finite(points) & (points[..., 2] > 0)
     inverse = torch.where(valid, 1 / points[..., 2], 0.0)
     rays = torch.where(valid[..., None], points * inverse[..., None], 0.0)
     (known,) = select_pixels(valid, inverse)
-    if len(known) < FEWEST_SAMPLES:
-        return "no_pixels"
-    spread = _percentile_range(known)
+    spread = _percentile_range(known) if len(known) >= FEWEST_SAMPLES else 0.0
     if not _TOLERANCE * spread > 0:
-        return "no_consensus"
-    shown = None if normals is None else estimate_up(select_pixels(valid, normals)[0])
-    up = shown.up if shown is not None and shown.confidence >= MIN_UP_CONFIDENCE else None
-    return _InverseDepthMap(rays, inverse, valid, _TOLERANCE * spread, _LEAST_RISE * spread, evidence, normals, up)
+        return None
+    return InverseDepthMap(rays, inverse, valid, _TOLERANCE * spread, _LEAST_RISE * spread, hole)
 
 
 def _percentile_range(values: Tensor) -> float:
@@ -216,123 +112,107 @@ def _percentile_range(values: Tensor) -> float:
     return float(some[round(0.99 * last)] - some[round(0.01 * last)])
 
 
-def _search_mask(view: _InverseDepthMap, mask: Tensor, tolerance: float) -> FloorSearch:
-    samples = view.samples(mask)
-    plane = _fit_plane(samples, view, tolerance)
-    if isinstance(plane, str):
-        return FloorSearch(None, plane)
-    shares = plane_inlier_shares(samples, plane, tolerance)
-    least = _MASK_SHARE if view.up is None else _MASK_SHARE * _MASK_SHARE_FACTOR
-    rejected = _rejection(shares, least, _MASK_BELOW_SHARE)
-    if rejected is not None:
-        return rejected
-    floor = view.valid & mask & (view.error(plane) < _REANCHOR_BANDS * tolerance)
-    return _floor_result(view, plane, shares, "floor mask", tolerance, floor)
+def plane_of_pixels(
+    view: InverseDepthMap, mask: Tensor | None, up: Tensor | None, source: FloorSource, slack: float = 1.0
+) -> tuple[Tensor, PlaneFit] | None:
+    """Fit a plane to the pixels of a mask (H, W), or to the lower part of the image without one; None if none fits.
 
+    Args:
+        view: the point map.
+        mask: candidate pixels.
+        up: (3,) unit; the plane is at most 15 degrees off. None allows any plane seen from above by an upright camera.
+        source: name of the pixels.
+        slack: factor on the tolerance.
 
-def _search_picture(view: _InverseDepthMap) -> FloorSearch:
-    first = _search_lower_part(view)
-    return first if first.plane is not None else _search_level_surfaces(view) or first
-
-
-def _search_lower_part(view: _InverseDepthMap) -> FloorSearch:
-    samples = view.samples(None)
-    plane = _fit_plane(samples, view, view.tolerance)
-    if isinstance(plane, str):
-        return FloorSearch(None, plane)
-    shares = plane_inlier_shares(samples, plane, view.tolerance)
-    factors = _depth_factors_at_feet(plane, view, view.valid, view.tolerance, _FEET_NEAR)
-    feet_agree = len(factors) > 0 and float((factors - 1).abs().median()) < _FEET_AGREE
-    least = min(_PICTURE_SHARE, MIN_INLIER_SHARE) if feet_agree else _PICTURE_SHARE
-    rejected = _rejection(shares, least, MAX_BELOW_SHARE)
-    return rejected or _floor_result(view, plane, shares, "lower image", view.tolerance, view.valid)
-
-
-def _search_level_surfaces(view: _InverseDepthMap) -> FloorSearch | None:
-    """Fit the largest horizontal surface of the lower part with few pixels below it."""
-    if view.up is None or view.normals is None:
-        return None
-    rows = len(view.valid)
-    lower = torch.arange(rows, device=view.valid.device)[:, None] >= (1 - LOWER_SHARE) * rows
-    level = view.valid & lower & (view.normals.double() @ view.up > _LEVEL_COSINE)
-    for tolerance in (view.tolerance, _MASK_SLACK * view.tolerance):
-        left = level
-        for _ in range(_LEVELS):
-            if float(left.double().mean()) < _LEAST_LEVEL:
-                break
-            samples = view.samples(left)
-            plane = _fit_plane(samples, view, tolerance)
-            if isinstance(plane, str):
-                break
-            on = plane_inlier_shares(samples, plane, tolerance)[0]
-            below = plane_inlier_shares(samples, plane, view.tolerance)[1]
-            near = view.error(plane) < tolerance
-            if on > _PICTURE_SHARE and below <= _LEVEL_BELOW:
-                return _floor_result(view, plane, (on, below), "lower image", tolerance, level & near)
-            left = left & ~near
-    return None
-
-
-def _fit_plane(samples: BlockMeans, view: _InverseDepthMap, tolerance: float) -> Tensor | FloorReason:
+    Returns:
+        (3,) inverse depth of the plane by ray, and the plane.
+    """
+    samples = average_blocks(view.rays, view.inverse, view.valid, mask, view.hole)
     if int(samples.candidate.sum()) < FEWEST_SAMPLES:
-        return "no_pixels"
-    plane = fit_plane(samples, tolerance, view.least_rise, view.up)
-    return "no_consensus" if plane is None else plane
+        return None
+    plane = fit_plane(samples, slack * view.tolerance, view.least_rise, up)
+    if plane is None:
+        return None
+    return plane, _as_fit(view, plane, plane_inlier_shares(samples, plane, slack * view.tolerance), source, slack)
 
 
-def _rejection(shares: tuple[float, float], least: float, below_most: float) -> FloorSearch | None:
-    """Return a failed search if too few pixels lie on the plane or too many below it, else None."""
-    on, below = shares
-    if on <= least:
-        return FloorSearch(None, "no_consensus", on, below)
-    if below > below_most:
-        return FloorSearch(None, "below_plane", on, below)
-    return None
-
-
-def _floor_result(
-    view: _InverseDepthMap,
-    plane: Tensor,
-    shares: tuple[float, float],
-    source: Literal["floor mask", "lower image"],
-    tolerance: float,
-    floor: Tensor,
-) -> FloorSearch:
-    """Return the accepted plane, moved to the depth of the pixels ``floor`` (H, W) around the feet."""
-    expected = view.rays @ plane.to(view.rays)
+def _as_fit(
+    view: InverseDepthMap, plane: Tensor, shares: tuple[float, float], source: FloorSource, slack: float = 1.0
+) -> PlaneFit:
+    """Return a plane (3,) in inverse depth as normal and offset, with its pixels."""
+    tolerance, expected = slack * view.tolerance, view.rays @ plane.to(view.rays)
     length = float(torch.linalg.vector_norm(plane))
     inliers = view.valid & ((view.inverse - expected).abs() < tolerance) & (expected > 2 * tolerance)
-    fit = PlaneFit(-(plane / length).to(view.rays), 1 / length, inliers, *shares, source)
-    return FloorSearch(
-        _move_to_feet(fit, _depth_factors_at_feet(plane, view, floor, tolerance, FEET_WINDOW)), "found", *shares
-    )
+    return PlaneFit(-(plane / length).to(view.rays), 1 / length, inliers, *shares, source)
 
 
-def _depth_factors_at_feet(
-    plane: Tensor, view: _InverseDepthMap, pixels: Tensor, tolerance: float, window: float
-) -> Tensor:
+def plane_at_feet(view: InverseDepthMap, up: Tensor, feet_px: Tensor) -> tuple[Tensor, PlaneFit] | None:
+    """Return the plane with a normal (3,) through the points at the feet (F, 2) px; None if none is in front of them.
+
+    Its inverse depth is that of the median foot.
+    """
+    feet = feet_px.round().long()
+    x, y = (feet[:, i].clamp(0, view.valid.shape[1 - i] - 1) for i in (0, 1))
+    rays, inverse = view.rays[y, x].double(), view.inverse[y, x].double()
+    slope = -(rays @ up.to(rays))
+    seen = view.valid[y, x] & (slope > 1e-3)
+    if not bool(seen.any()):
+        return None
+    plane = -up.double() * (inverse[seen] / slope[seen]).quantile(0.5)
+    samples = average_blocks(view.rays, view.inverse, view.valid, None, view.hole)
+    shares = plane_inlier_shares(samples, plane, view.tolerance)
+    return plane, _as_fit(view, plane, shares, "soles")
+
+
+def refit_floor(points: Tensor, valid: Tensor, found: FloorSearch) -> FloorSearch:
+    """Fit the plane of an earlier search again, in a point map (H, W, 3), valid (H, W), of another unit or camera."""
+    view = None if found.plane is None else inverse_depth_map(points, valid)
+    if view is None or found.plane is None:
+        return found
+    on = found.plane.inliers & view.valid
+    if int(on.sum()) < FEWEST_SAMPLES:
+        return FloorSearch(None, "no_pixels", found.inlier_share, found.below_share)
+    plane = refit(view.rays[on].double(), view.inverse[on].double(), MASK_SLACK * view.tolerance)
+    shares = found.plane.inlier_share, found.plane.below_share
+    fit = _as_fit(view, plane, shares, found.plane.source, MASK_SLACK)
+    factor = found.plane.reanchored
+    return replace(found, plane=replace(fit, offset=fit.offset / factor, reanchored=factor))
+
+
+def move_to_feet(
+    view: InverseDepthMap, plane: Tensor, fit: PlaneFit, mask: Tensor | None, feet_px: Tensor | None
+) -> PlaneFit:
+    """Scale the plane's inverse depth by the median factor at the feet; the normal stays.
+
+    Args:
+        view: the point map.
+        plane: (3,) inverse depth by ray.
+        fit: the same plane.
+        mask: (H, W) bool, pixels that it was fitted to, which are the ground near it; None for all pixels.
+        feet_px: (F, 2) px, or None.
+    """
+    ground = view.valid
+    if mask is not None:
+        ground = ground & mask & (view.error(plane).abs() < _REANCHOR_BANDS * view.tolerance)
+    factors = _depth_factors_at_feet(plane, view, ground, feet_px)
+    factor = float(factors.quantile(0.5)) if len(factors) else 0.0
+    if not _REANCHOR_RANGE[0] < factor < _REANCHOR_RANGE[1]:
+        return fit
+    return replace(fit, offset=fit.offset / factor, reanchored=factor)
+
+
+def _depth_factors_at_feet(plane: Tensor, view: InverseDepthMap, pixels: Tensor, feet_px: Tensor | None) -> Tensor:
     """Return the ratio of measured inverse depth to the plane's at each foot in front of the plane's horizon.
 
-    The measurement is the median over ``pixels`` (H, W) in a ``window`` around the foot, a share of the long side.
+    The measurement is the median over ``pixels`` (H, W) in a window around the foot.
     """
-    feet_px = view.evidence.feet_px
-    reach = max(2, round(window * max(pixels.shape)))
+    reach = max(2, round(FEET_WINDOW * max(pixels.shape)))
     factors = []
     for u, v in [] if feet_px is None else feet_px.round().long().tolist():
         box = (slice(max(0, v - reach), max(0, v + reach + 1)), slice(max(0, u - reach), max(0, u + reach + 1)))
         seen = pixels[box]
         expected = view.rays[box][seen] @ plane.to(view.rays)
-        near = expected > 2 * tolerance
+        near = expected > 2 * view.tolerance
         if bool(near.any()):
             factors.append(float((view.inverse[box][seen][near] / expected[near]).median()))
     return torch.tensor(factors, dtype=torch.float64)
-
-
-def _move_to_feet(fit: PlaneFit, factors: Tensor) -> PlaneFit:
-    """Scale the plane's inverse depth by the median factor at the feet; the normal stays."""
-    if not len(factors):
-        return fit
-    factor = float(factors.quantile(0.5))
-    if not _REANCHOR_RANGE[0] < factor < _REANCHOR_RANGE[1]:
-        return fit
-    return replace(fit, offset=fit.offset / factor, reanchored=factor)

@@ -179,6 +179,19 @@ def _score(samples: BlockMeans, planes: Tensor, tolerance: float, some: Tensor) 
     return on - below
 
 
+def refit(rays: Tensor, inverse: Tensor, tolerance: float) -> Tensor:
+    """Fit a plane (3,) to pixels (M, 3), (M,) that mostly lie on it, by least squares, then reweighted ones."""
+    plane: Tensor = torch.linalg.lstsq(rays, inverse[:, None]).solution[:, 0]
+    for _ in range(_REFITS):
+        weight = (1 - ((inverse - rays @ plane) / tolerance).square()).clamp(min=0).square()
+        weighted = rays * weight[:, None]
+        again, singular = torch.linalg.solve_ex(weighted.T @ rays, weighted.T @ inverse)
+        if int(singular) != 0:
+            break
+        plane = again
+    return plane
+
+
 def plane_inlier_shares(samples: BlockMeans, plane: Tensor, tolerance: float) -> tuple[float, float]:
     """Return two shares: of the candidates on a plane, and of the lower blocks over two tolerances below it.
 

@@ -29,8 +29,8 @@ class MetricDepthRequest(Request[DepthMap]):
 class MetricDepth(Backend):
     """Estimates a metric depth map of the inpainted photo (paper: DepthPro).
 
-    Called last, so that a classical method can use the sizes of the people. A backend that needs people, and gets none,
-    raises NoPersonError: the scene then has no known scale.
+    Called last: ``hints.scale`` says how large the people, and all else of known size, make the scene. A backend that
+    needs people, and gets none, raises NoPersonError: the scene then has this scale.
     """
 
     interface = "metric_depth"
@@ -38,7 +38,7 @@ class MetricDepth(Backend):
     Request = MetricDepthRequest
     Result = DepthMap
     sees = "inpainted"
-    hints = ("intrinsics", "people", "keypoints", "hole", "scene", "original", "floor", "bodies")
+    hints = ("intrinsics", "people", "keypoints", "hole", "scene", "original", "floor", "scale", "bodies")
 
     @abstractmethod
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:

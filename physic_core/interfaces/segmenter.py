@@ -70,6 +70,8 @@ class Segmenter(Backend):
         ]
         if result.floor is not None:
             wrong += check_array("floor", result.floor, (height, width), "bool")
+        for mask in result.floor_candidates:
+            wrong += check_array("floor_candidates", mask, (height, width), "bool")
         if result.unposed_mask is not None:
             wrong += check_array("unposed_mask", result.unposed_mask, (height, width), "bool")
         if result.objects is not None:

@@ -16,12 +16,11 @@ from physic_core.engine.contact.scene_parts import ClassifiedPoints
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.placement.detections import ObservedPeople
 from physic_core.engine.placement.human_points import PhotoPoints
-from physic_core.engine.placement.lifted_feet import depth_gaps_at_feet
 from physic_core.engine.placement.solve import EstimatedBodies, PlacementInput
 from physic_core.engine.scene.camera import Cameras
 from physic_core.engine.scene.solve import SceneInput
 from physic_core.geometry.tensors import optional_tensors, select_pixels, tensors
-from physic_core.pipeline.floor_choice import floor_evidence
+from physic_core.pipeline.floor_and_scale import floor_evidence
 from physic_core.pipeline.person_measures import depth_ratios
 from physic_core.types.short_repr import ShortRepr
 
@@ -35,10 +34,9 @@ if TYPE_CHECKING:
     from physic_core.engine.placement.solve import PlacedPeople
     from physic_core.engine.scene.solve import SceneState
     from physic_core.engine.sizes.known_sizes import KnownScene
+    from physic_core.engine.stance import Stance
     from physic_core.pipeline.estimate import Estimates
     from physic_core.types import Intrinsics
-
-_RAISED_SURFACES = ("seat", "bed", "table", "cabinet", "vehicle")
 
 
 @dataclass(frozen=True)
@@ -53,9 +51,8 @@ class EngineInput(ShortRepr):
         contact_probability: (B, V) of the contact prior.
         surfaces: (H, W) int64, index into ``surface_names`` of each pixel; None if the segmenter labels none.
         surface_names: classes of surfaces.
-        raised: (H, W) bool, surfaces that can carry a foot above the ground; None if the segmenter labels none.
         objects: (K, H, W) bool, visible pixels of held objects; None if the segmenter does not detect objects.
-        standing: (B,) how far the feet are from standing on the floor, in standard deviations; None if not measured.
+        stance: of the same people.
     """
 
     scene: SceneInput
@@ -65,9 +62,8 @@ class EngineInput(ShortRepr):
     contact_probability: Tensor
     surfaces: Tensor | None
     surface_names: tuple[str, ...]
-    raised: Tensor | None
     objects: Tensor | None
-    standing: Tensor | None
+    stance: Stance
 
 
 def engine_input(estimates: Estimates, model: BodyModel) -> EngineInput:
@@ -78,12 +74,8 @@ def engine_input(estimates: Estimates, model: BodyModel) -> EngineInput:
         *(estimates.scene.points, estimates.scene.valid, estimates.depth.depth),
         *(original.points, original.valid, estimates.hole, people.masks, estimates.contact.probability),
     )
-    observed, surfaces, raised, objects, standing = optional_tensors(
-        estimates.bodies.observed,
-        None if labels is None else labels.labels,
-        None if labels is None else labels.mask(*_RAISED_SURFACES),
-        estimates.objects,
-        estimates.standing,
+    observed, surfaces, objects = optional_tensors(
+        estimates.bodies.observed, None if labels is None else labels.labels, estimates.objects
     )
     betas, expression, transl, keypoints, confidence = (
         array.to(model.device, model.dtype)
@@ -94,7 +86,7 @@ def engine_input(estimates: Estimates, model: BodyModel) -> EngineInput:
     rotations = rotations_from_parameters(parameters, model.device, model.dtype)
     if observed is None:
         observed = torch.ones(len(masks), NUM_JOINTS, dtype=torch.bool)
-    floor = floor_evidence(people.floor, estimates.hole, estimates.keypoints)
+    floor = replace(floor_evidence(people, estimates.hole, estimates.keypoints), found=estimates.floor)
     return EngineInput(
         scene=SceneInput(points, valid, estimates.scene.unknown, depth, _cameras(estimates), floor),
         photo=PhotoPoints(photo, photo_valid, original.unknown, people=hole),
@@ -103,9 +95,8 @@ def engine_input(estimates: Estimates, model: BodyModel) -> EngineInput:
         contact_probability=contact_probability,
         surfaces=None if surfaces is None else surfaces.long(),
         surface_names=("unknown",) if labels is None else labels.names,
-        raised=raised,
         objects=objects,
-        standing=standing,
+        stance=estimates.stance,
     )
 
 
@@ -158,9 +149,8 @@ def placement_input(given: EngineInput, scene: SceneState, known: KnownScene | N
         bodies=given.bodies,
         detections=given.detections,
         contact_probability=given.contact_probability,
-        raised=given.raised,
         known=known,
-        standing=given.standing,
+        stance=given.stance,
     )
 
 
@@ -245,9 +235,9 @@ def contact_input(
         plane=None if problem.floor_normal is None else (problem.floor_normal, problem.floor_offset * s),
         free=method.free_vertices(problem, vertices, s),
         objects=None if objects is None else _held_objects(problem, result, objects),
-        foot_gap=_foot_gaps(problem),
+        foot_gap=torch.from_numpy(given.stance.gap),
         foot_touch=problem.foot_touch,
-        standing=given.standing,
+        standing=torch.from_numpy(given.stance.score),
     )
 
 
@@ -259,21 +249,6 @@ def _classify_points(given: EngineInput, scene: SceneState) -> ClassifiedPoints:
     if given.surfaces is not None:
         (labels,) = select_pixels(scene.valid, given.surfaces)
     return ClassifiedPoints(given.surface_names, labels, ~inpainted, before)
-
-
-def _foot_gaps(problem: JointProblem) -> Tensor | None:
-    """Return the gap (N, 2) of depth behind each foot; None if a depth is unknown."""
-    photo, scene = problem.human_depth, problem.scene_depth
-    if photo is None or scene is None:
-        return None
-    shown = ObservedPeople(
-        skeleton=problem.skeleton,
-        keypoints=problem.keypoints,
-        confidence=problem.keypoint_confidence,
-        observed=problem.observed,
-        masks=problem.masks,
-    )
-    return depth_gaps_at_feet(shown, photo.cpu(), scene.cpu(), torch.zeros_like(photo, dtype=torch.bool, device="cpu"))
 
 
 def _held_objects(problem: JointProblem, result: JointResult, masks: Tensor) -> HeldObjects | None:

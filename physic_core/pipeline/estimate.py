@@ -26,7 +26,7 @@ from physic_core.interfaces import (
 )
 from physic_core.interfaces.body_estimator import valid_body_rows
 from physic_core.pipeline.conversion import bodies_for_backends, convert_to_configured, replace_hands, transfer_contact
-from physic_core.pipeline.floor_choice import FloorCandidate, choose_floor, floor_candidates
+from physic_core.pipeline.floor_and_scale import candidates_in, find_floor_and_scale, floor_evidence, plane_of
 from physic_core.pipeline.held_objects import select_held_objects
 from physic_core.pipeline.invalid_results import (
     discard_invalid_bodies,
@@ -43,7 +43,6 @@ from physic_core.types import (
     Keypoints,
     KnownSizes,
     People,
-    Plane,
     Pointmap,
 )
 from physic_core.types.known_sizes import KnownPeople
@@ -53,8 +52,11 @@ from physic_core.types.short_repr import ShortRepr
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.configuration.resolve import ResolvedBackend, ResolvedPipeline
+    from physic_core.engine.floor import FloorCandidate, FloorEvidence
     from physic_core.engine.joint.problem import OtherView
     from physic_core.engine.settings import EngineSettings
+    from physic_core.engine.stance import Stance
+    from physic_core.geometry.floor import FloorSearch
     from physic_core.pipeline.stage_runner import StageRunner
     from physic_core.types import BoolArray, FloatArray, PeoplePrompt, UInt8Array
 
@@ -83,7 +85,8 @@ class Estimates(ShortRepr):
         inpainted: (H, W, 3) uint8 RGB, the photo without its people and what they hold.
         scene: relative point map of ``inpainted``.
         original: relative point map of ``image``.
-        floor: in the units of ``scene``, or None.
+        floor: in the scene.
+        stance: of N people, NaN and without labels for those without a body.
         bodies: N bodies with their hands, of the configured body model.
         contact: contact prior, zero if no backend was configured.
         depth: metric depth of ``inpainted``.
@@ -96,8 +99,6 @@ class Estimates(ShortRepr):
         ages: (N,) known ones, years, NaN where unknown; None if no age is known.
         scale_guess: warning that the scale of ``depth`` is a guess, or "".
         views: what other cameras show of the same people.
-        standing: (N,) how far each person's feet are from standing on ``floor``, in standard deviations; see
-            :func:`physic_core.engine.sizes.standing_scores`. None if not measured.
     """
 
     image: UInt8Array
@@ -109,7 +110,8 @@ class Estimates(ShortRepr):
     inpainted: UInt8Array
     scene: Pointmap
     original: Pointmap
-    floor: Plane | None
+    floor: FloorSearch
+    stance: Stance
     bodies: Bodies
     contact: ContactProbability
     depth: DepthMap
@@ -120,7 +122,6 @@ class Estimates(ShortRepr):
     ages: FloatArray | None = None
     scale_guess: str = ""
     views: tuple[OtherView, ...] = ()
-    standing: FloatArray | None = None
 
 
 def run_backends(
@@ -168,33 +169,31 @@ def run_backends(
 
     seen_keypoints = select_people(keypoints, embodied)
     hints = replace(hints, people=seen, keypoints=seen_keypoints, hole=hole, bodies=seen_bodies)
-    with stages.time_engine("floor"):
-        floor, scores = choose_floor(maps.floors, hints, run.model)
-    hints = replace(hints, floor=floor.plane)
-    standing = np.full(len(people), np.nan)
-    standing[embodied] = scores
-    depth, scale_guess = run.metric_depth(MetricDepthRequest(inpainted, hints), scene, camera)
+    with stages.time_engine("floor and scale"):
+        found = find_floor_and_scale(maps.floors, maps.evidence, hints, run.model, known.select(embodied))
+    hints = replace(hints, floor=found.plane, scale=found.scale)
+    depth, guessed = run.metric_depth(MetricDepthRequest(inpainted, hints))
     stages.note(*depth.notes)
 
     return Estimates(
         image=image,
         intrinsics=camera,
         camera_given=given is not None,
-        people=replace(people, floor=floor.mask),
+        people=people,
         keypoints=keypoints,
         hole=hole,
         inpainted=inpainted,
         scene=scene,
         original=maps.original,
-        floor=floor.plane,
-        standing=standing,
+        floor=found.search,
+        stance=found.stance.expanded(embodied),
         bodies=bodies,
         contact=contact,
         depth=depth,
         missing_results=run.missing_per_person(len(people)),
         objects=objects,
         ages=known.years,
-        scale_guess=scale_guess,
+        scale_guess=found.warning if guessed else "",
         known=chosen.known,
         statures=known.stature,
     )
@@ -217,13 +216,15 @@ class _Pointmaps:
         scene: of the inpainted photo.
         original: of the photo.
         camera: of both.
+        evidence: of the floor.
         floors: candidates for the floor of the scene, in its own scale.
-        hints: for backends of bodies, with the first of these floors.
+        hints: for backends of bodies, with the best of these floors by the pixels alone.
     """
 
     scene: Pointmap
     original: Pointmap
     camera: Intrinsics
+    evidence: FloorEvidence
     floors: tuple[FloorCandidate, ...]
     hints: Hints
 
@@ -253,10 +254,14 @@ def _pointmaps(
     camera = hints.intrinsics or scene.intrinsics or _camera_of(scene)
     hints = replace(hints, intrinsics=camera, hole=None, photo=None, scene=scene)
     original = run.pointmap("photo point map", image, hints) if hole.any() else scene
+    from physic_core.engine.floor import best_candidate, chosen_floor
+
     with run.stages.time_engine("floor candidates"):
-        floors = floor_candidates(scene, people, hole, keypoints, engine.scene)
+        evidence = floor_evidence(people, hole, keypoints)
+        floors = candidates_in(scene, evidence, engine.scene)
+        first = plane_of(chosen_floor(floors, best_candidate(floors), evidence))
         aligned = _aligned(original, scene, hole, engine) if hole.any() else scene
-    return _Pointmaps(scene, original, camera, floors, replace(hints, floor=floors[0].plane, original=aligned))
+    return _Pointmaps(scene, original, camera, evidence, floors, replace(hints, floor=first, original=aligned))
 
 
 @dataclass(frozen=True)
@@ -386,14 +391,21 @@ class _BackendCalls:
         contact, self.missing["contact_prior"] = expand_contact(found, embodied)
         return contact
 
-    def metric_depth(self, request: MetricDepthRequest, scene: Pointmap, camera: Intrinsics) -> tuple[DepthMap, str]:
-        """Estimate metric depth; if that needs people and there are none, a depth of guessed scale and a warning."""
-        try:
-            return self.stages.call_backend("metric depth", self.backends["metric_depth"], request), ""
-        except NoPersonError:
-            from physic_core.engine.sizes.unknown_scale import guess_metric_depth
+    def metric_depth(self, request: MetricDepthRequest) -> tuple[DepthMap, bool]:
+        """Estimate metric depth, and return whether its scale is that of the hints.
 
-            return guess_metric_depth(scene, request.hints.floor, camera)
+        If a backend needs people and there are none, the depth is that of the scene at this scale.
+        """
+        chosen = self.backends["metric_depth"]
+        try:
+            return self.stages.call_backend("metric depth", chosen, request), "scale" in (chosen.backend.reads or ())
+        except NoPersonError:
+            from physic_core.engine.sizes import scaled_depth
+
+            hints = request.hints
+            assert hints.scene is not None
+            assert hints.scale is not None
+            return scaled_depth(hints.scene, hints.scale, hints.intrinsics), True
 
     def missing_per_person(self, people: int) -> tuple[tuple[str, ...], ...]:
         """Return for each person the interfaces without valid values for them."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from physic_core.types.bodies import Bodies, BodyParameters, ContactProbability, Hands, Mesh, RestMesh
 from physic_core.types.camera import CameraTrust, Intrinsics, Lens
 from physic_core.types.contacts import NO_PARTNER, PARTNER_KINDS, BodyContact, ContactPartner
-from physic_core.types.depth import AffineAmbiguity, DepthMap, Plane, Pointmap
+from physic_core.types.depth import AffineAmbiguity, DepthMap, Plane, Pointmap, SceneScale
 from physic_core.types.hints import Hints
 from physic_core.types.known_sizes import KnownLength, KnownSizes
 from physic_core.types.people import Keypoints, People, UnposedPerson
@@ -62,6 +62,7 @@ __all__ = [
     "Reconstruction",
     "RestMesh",
     "Scene",
+    "SceneScale",
     "Skeleton",
     "StageRecord",
     "Support",

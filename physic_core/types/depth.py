@@ -72,3 +72,20 @@ class DepthMap(ShortRepr):
     intrinsics: Intrinsics | None = None
     scale_sigma: float | None = None
     notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class SceneScale(ShortRepr):
+    """How to convert a relative depth Z' to metres: 1 / Z = (1 / Z' + shift) / scale.
+
+    Attributes:
+        scale: metres per unit of the relative scene.
+        shift: of the inverse depth, 1 / unit; 0 unless the scene's shift is unknown.
+        sigma: standard deviation of log(scale) at the depth of the people; None for a guess.
+        notes: plain sentences for the user ("the scale is from the soles of 2 people").
+    """
+
+    scale: float
+    shift: float = 0.0
+    sigma: float | None = None
+    notes: tuple[str, ...] = ()

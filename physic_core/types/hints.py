@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from physic_core.types.arrays import BoolArray, UInt8Array
     from physic_core.types.bodies import Bodies
     from physic_core.types.camera import Intrinsics
-    from physic_core.types.depth import Plane, Pointmap
+    from physic_core.types.depth import Plane, Pointmap, SceneScale
     from physic_core.types.people import Keypoints, People
 
 
@@ -27,6 +27,7 @@ class Hints(ShortRepr):
         scene: relative point map of the inpainted photo.
         original: relative point map of the original photo, aligned to ``scene`` outside the people.
         floor: floor plane in the units of ``scene``.
+        scale: of ``scene``, by everything of known size that the photo shows; for the metric depth.
         bodies: in metres, not yet placed in the scene, of the configured body model. ``joints`` are given if that model
             is a file of the user's, which no backend can load.
         photo: (H, W, 3) uint8 RGB, the original photo, if the given image is inpainted.
@@ -39,5 +40,6 @@ class Hints(ShortRepr):
     scene: Pointmap | None = None
     original: Pointmap | None = None
     floor: Plane | None = None
+    scale: SceneScale | None = None
     bodies: Bodies | None = None
     photo: UInt8Array | None = None

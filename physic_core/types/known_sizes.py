@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
-    from physic_core.types.arrays import FloatArray
+    from physic_core.types.arrays import BoolArray, FloatArray
 
 _STATURES_M = (0.4, 2.6)
 _LENGTHS_M = (0.01, 1000)
@@ -95,3 +95,7 @@ class KnownPeople(ShortRepr):
 
     years: FloatArray | None = None
     stature: FloatArray | None = None
+
+    def select(self, rows: BoolArray) -> KnownPeople:
+        """Return what is known of a selection (N,) of the people."""
+        return KnownPeople(*(None if x is None else x[rows] for x in (self.years, self.stature)))

@@ -87,6 +87,8 @@ class People(ShortRepr):
         objects: (K, H, W) bool, visible pixels of each thing that one person can carry: a ball, a cup, a bag, a laptop.
             Objects in hands and on laps are removed from the scene as people are. Or None if the backend does not look
             for objects.
+        floor_candidates: (H, W) bool each, other masks that may be the ground, such as several beside the feet. The
+            pipeline weighs them.
     """
 
     masks: BoolArray = field(metadata=PER_PERSON)
@@ -98,6 +100,7 @@ class People(ShortRepr):
     unposed: tuple[UnposedPerson, ...] = ()
     unposed_mask: BoolArray | None = None
     objects: BoolArray | None = None
+    floor_candidates: tuple[BoolArray, ...] = ()
 
     def __len__(self) -> int:
         return len(self.masks)

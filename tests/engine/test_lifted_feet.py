@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 
 from physic_core import engine_preset
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.placement.detections import ObservedPeople
-from physic_core.engine.placement.lifted_feet import depth_gaps_at_feet, find_lifted_feet
+from physic_core.engine.stance import Stance, depth_gaps_at_feet, find_lifted_feet, standing_prior
 
 NOBODY, SOMEBODY = torch.tensor([False]), torch.tensor([True])
 
@@ -21,9 +22,16 @@ def above(height, camera=1.5):
     return math.log(camera / (camera - height))
 
 
-def found(left, right, held=NOBODY, camera=1.5):
+def lifted_feet(gap, held=NOBODY, camera=1.5, on_furniture=False, score=math.nan):
+    gap = np.asarray(gap, float)
+    known = np.full(gap.shape, 0.8)
+    stance = Stance(known, gap, np.full(gap.shape, on_furniture), known, np.full(len(gap), score))
+    return find_lifted_feet(stance, held, camera)
+
+
+def found(left, right, held=NOBODY, camera=1.5, **known):
     """Lifted feet and whether the person is in the air."""
-    feet = find_lifted_feet(torch.tensor([[left, right]]), held, camera)
+    feet = lifted_feet([[left, right]], held, camera, **known)
     return feet[0].tolist(), bool(feet.all())
 
 
@@ -38,6 +46,24 @@ def test_a_hanging_person_is_in_the_air_by_the_mean_of_both_feet():
 
 def test_a_person_who_lifts_a_weight_with_a_heel_up_stands():
     assert found(above(0.06), above(0.13), SOMEBODY) == ([False, False], False)
+
+
+def test_feet_among_seats_and_tables_have_no_gap_to_the_floor():
+    assert found(above(0.4), above(0.4), on_furniture=True) == ([False, False], False)
+
+
+def test_a_person_whose_soles_give_the_scene_another_scale_is_in_the_air():
+    assert found(math.nan, 0.02, score=-4.0) == ([True, True], True)
+    assert found(math.nan, 0.02, score=-2.0) == ([False, False], False)
+
+
+def test_a_foot_stands_by_its_keypoints_and_by_the_depth_behind_it():
+    touch = np.array([[0.8, 0.2]])
+    unknown, low, high = (standing_prior(touch, np.full((1, 2), gap), None) for gap in (np.nan, 0.01, 0.3))
+    assert (high < unknown).all()
+    assert (unknown < low).all()
+    assert (unknown[:, 1] < unknown[:, 0]).all()
+    assert (standing_prior(touch, np.full((1, 2), np.nan), np.ones((1, 2), bool)) < unknown).all()
 
 
 def test_nothing_is_known_of_unseen_feet():
@@ -70,21 +96,22 @@ def gap_of(problem, raised=None):
     return depth_gaps_at_feet(found, photo, scene, raised)
 
 
-def test_feet_over_the_floor_have_a_gap_but_not_among_seats_and_tables(make_stage):
+def test_feet_over_the_floor_have_a_gap_and_may_be_among_seats_and_tables(make_stage):
     on_floor, over_it = (make_stage([({}, (0.0, 0.0, 3.0))], stands_at=y).problem for y in (1.3, 1.0))
-    assert not find_lifted_feet(gap_of(on_floor), NOBODY, 1.3).all()
-    gap = gap_of(over_it)
-    assert find_lifted_feet(gap, NOBODY, 1.3).all()
+    assert not lifted_feet(gap_of(on_floor)[0], camera=1.3).all()
+    gap, _ = gap_of(over_it)
+    assert lifted_feet(gap, camera=1.3).all()
     # The visible foot is a few centimetres higher than its sole.
     assert gap.mean().item() == pytest.approx(above(0.3 + 0.03, 1.3), abs=0.05)
-    assert gap_of(over_it, torch.ones_like(over_it.masks[0])).isnan().all()
+    for raised in (False, True):
+        assert bool(gap_of(over_it, torch.full_like(over_it.masks[0], raised))[1].all()) == raised
 
 
 def test_keypoints_that_are_not_seen_have_no_gap(make_stage):
     problem = make_stage([({}, (0.0, 0.0, 3.0))]).problem
     confidence = problem.keypoint_confidence.clone()
     confidence[:, [j for j, name in enumerate(problem.skeleton.names) if name.startswith("left_")]] = 0.1
-    gap = gap_of(replace(problem, keypoint_confidence=confidence))
+    gap, _ = gap_of(replace(problem, keypoint_confidence=confidence))
     assert gap.isnan().tolist() == [[True, False]]
 
 

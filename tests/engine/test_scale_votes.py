@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from physic_core.engine.sizes.evidence import KNOWN_SCALE_SIGMA, ScaleEvidence, combine
-from physic_core.engine.sizes.scale_vote import vote_on_scale
+from physic_core.engine.sizes.scale_vote import Witnesses, vote_on_scale
 
 
 def test_known_sizes_give_their_geometric_mean_and_dominate_a_guess() -> None:
@@ -21,10 +21,47 @@ def test_known_sizes_give_their_geometric_mean_and_dominate_a_guess() -> None:
     assert combine([]) is None
 
 
-def test_voters_of_known_stature_outvote_a_majority_of_unknown_stature() -> None:
-    scales, ones = np.array([1.0, 1.3, 1.3, np.nan]), np.ones(4)
-    equal = vote_on_scale(scales, ones, ones, 0.06, 0.0)
-    known = vote_on_scale(scales, ones, ones, np.array([0.005, 0.06, 0.06, 0.06]), 0.0)
-    assert equal.scale == pytest.approx(1.3, rel=0.01)
-    assert known.scale == pytest.approx(1.0, rel=0.01)
-    assert known.outliers.tolist() == [False, True, True, False]
+def vote(scales, sigma=0.06, sure=0.9, shared=0.0):
+    scales = np.array(scales, float)
+    every = np.ones(len(scales))
+    return vote_on_scale([Witnesses(scales, every, every * sigma, every * sure, shared)])
+
+
+def test_witnesses_of_known_stature_outvote_a_majority_of_unknown_stature() -> None:
+    scales = [1.0, 1.3, 1.3, np.nan]
+    assert vote(scales).scale.scale == pytest.approx(1.3, rel=0.02)
+    sigma, sure = np.array([0.005, 0.06, 0.06, 0.06]), np.array([1.0, 0.9, 0.9, 0.9])
+    assert vote(scales, sigma, sure).scale.scale == pytest.approx(1.0, rel=0.02)
+
+
+def test_an_error_that_all_share_does_not_shrink_with_their_number() -> None:
+    few, many = (vote([2.0] * count, 0.06, 1.0, 0.05).scale for count in (1, 25))
+    assert few.sigma == pytest.approx(math.hypot(0.06, 0.05), rel=0.05)
+    assert many.sigma == pytest.approx(math.hypot(0.06 / 5, 0.05), rel=0.05)
+    assert [few.scale, many.scale] == pytest.approx([2.0, 2.0])
+
+
+def test_a_witness_who_is_far_off_counts_little() -> None:
+    assert vote([1.0, 1.0, 1.0, 3.0]).scale.scale == pytest.approx(1.0, rel=0.02)
+
+
+def test_kinds_of_witnesses_are_weighed_by_their_errors() -> None:
+    one, soles, torsos = np.ones(1), 0.08, 0.2
+    kinds = [Witnesses(one * m, one, one * sigma, one, 0.0) for m, sigma in ((1.0, soles), (1.2, torsos))]
+    found = vote_on_scale(kinds).scale
+    share = soles**-2 / (soles**-2 + torsos**-2)
+    assert math.log(found.scale) == pytest.approx((1 - share) * math.log(1.2), abs=0.002)
+
+
+def test_a_plane_at_which_the_witnesses_agree_is_more_likely() -> None:
+    one = np.ones(1)
+    torso = Witnesses(one, one, one * 0.1, one, 0.0)
+    planes = [[Witnesses(one * m, one, one * 0.1, one * 0.9, 0.0)] for m in (1.0, 2.0)]
+    found = vote_on_scale([torso], planes, [0.0, 0.0])
+    assert found.weights[0] > 0.9
+    assert found.weights.sum() == pytest.approx(1)
+
+
+def test_nobody_who_says_anything_gives_no_scale() -> None:
+    assert vote([np.nan]) is None
+    assert vote_on_scale([]) is None

@@ -9,13 +9,13 @@ import torch
 from torch import Tensor
 
 from physic_core import engine_preset
+from physic_core.engine.floor import FloorEvidence, find_floor
 from physic_core.engine.scene import cleaning
 from physic_core.engine.scene.camera import Cameras, convert_to_common_camera
 from physic_core.engine.scene.cleaning import edge_ratio
 from physic_core.engine.scene.method import SceneMethod
 from physic_core.engine.scene.solve import SceneInput, SceneState, solve_scene
 from physic_core.geometry.camera import intrinsics_matrix, pixel_grid, pixel_rays, project
-from physic_core.geometry.floor import FloorEvidence, fit_floor
 from physic_core.geometry.plane import height_over_plane
 from physic_core.types import AffineAmbiguity
 
@@ -186,7 +186,7 @@ def test_a_photo_without_a_floor_reports_it_and_nothing_else_changes() -> None:
 def test_a_floor_mask_that_is_no_floor_is_reported() -> None:
     state = scene(floor_mask=BOX)
     assert angle_deg(state.floor_normal, UP) < 0.5
-    assert state.diagnostics["floor"]["mask_reason"] == "no_consensus"
+    assert state.diagnostics["floor"]["in_mask"] is False
 
 
 def test_disagreement_with_the_metric_depth_is_reported() -> None:
@@ -199,10 +199,10 @@ def test_disagreement_with_the_metric_depth_is_reported() -> None:
 
 
 def test_relative_floor_has_the_units_of_the_map() -> None:
-    fit = fit_floor(RAYS * DEPTH[..., None] / 7, ALL, FloorEvidence(ON_FLOOR, feet_px=FEET)).plane
+    fit = find_floor(RAYS * DEPTH[..., None] / 7, ALL, FloorEvidence(ON_FLOOR, feet_px=FEET)).plane
     assert fit.offset == pytest.approx(HEIGHT_M / 7, rel=0.01)
     assert angle_deg(fit.normal, UP) < 0.1
-    assert fit_floor(RAYS * 3.0, ALL, FloorEvidence()).plane is None
+    assert find_floor(RAYS * 3.0, ALL, FloorEvidence()).plane is None
 
 
 def test_floor_points_are_densest_where_the_feet_are() -> None:

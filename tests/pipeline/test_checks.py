@@ -79,10 +79,10 @@ def keypoints_at(joints: np.ndarray, camera: Intrinsics, off_px: float = 0.0, mo
 def case(**changes: Any) -> tuple[Any, Any, EngineSettings]:
     """Estimates, solution and settings of one person where all is well, but for the changes."""
     known = {"report": {}, "failure": "", "legs": True, "sigma": 0.1, "scale": 1.0, "camera": CAMERA, "lean": 0.0}
-    known |= {"joints": None, "scene_share": 0.9, "photo_share": 0.9, "floor": "found", "mask": None, "lost": ()}
-    known |= {"scene_camera": CAMERA, "off": 0.0, "moved": 0, "unposed": (), "source": "floor mask"}
+    known |= {"joints": None, "scene_share": 0.9, "photo_share": 0.9, "floor": "found", "mask": True, "lost": ()}
+    known |= {"scene_camera": CAMERA, "off": 0.0, "moved": 0, "unposed": ()}
     known |= {"shoulders": True, "shown": True} | changes
-    assert len(known) == 20, sorted(known)
+    assert len(known) == 19, sorted(known)
     observed = np.ones((1, 55), bool)
     observed[0, [16, 17]] = known["shoulders"]
     observed[0, [4, 7]] = known["legs"]
@@ -112,7 +112,7 @@ def case(**changes: Any) -> tuple[Any, Any, EngineSettings]:
             "scene": {
                 "alignment": {"inlier_share": known["scene_share"]},
                 "floor": {"reason": known["floor"], "inlier_share": 0.62}
-                | {"mask_reason": known["mask"], "source": "lower image" if known["mask"] else known["source"]},
+                | {"in_mask": known["mask"] if known["floor"] == "found" else None},
             },
             "placement": {"alignment": {"inlier_share": known["photo_share"]}},
         },
@@ -142,8 +142,7 @@ def test_nothing_fails_where_all_is_well() -> None:
         ({"photo_share": 0.3}, "photo_alignment", 0.3, "people's distance to the scene is doubtful"),
         ({"photo_share": 0.0}, "photo_alignment", 0.0, "no background in common"),
         ({"floor": "no_consensus"}, "floor", 0.0, "no floor was found"),
-        ({"floor": "below_plane"}, "floor", 0.0, "too many pixels lie below the best plane"),
-        ({"mask": "no_consensus"}, "floor_mask", 0.0, ""),
+        ({"mask": False}, "floor_mask", 0.0, ""),
         ({"sigma": 0.22}, "scale_sigma", 0.22, "off by 22%"),
         ({"scale": 1.4}, "scale_change", 0.4, "rescaled by 1.40"),
         ({"scale": 1 / 1.4}, "scale_change", 0.4, ""),
@@ -255,7 +254,7 @@ def test_a_value_at_its_bound_holds_and_beyond_it_does_not() -> None:
         ({"floor": "no_pixels"}, ("placed", "floating", "lean", "bend", "floor_mask"), "no floor was found"),
         ({"floor": "no_pixels", "report": {"sole_height_m": -2.3}}, ("sole_height",), "no floor was found"),
         ({"joints": bent(), "report": {"sole_height_m": 0.3}}, ("sole_height",), "this person does not stand straight"),
-        ({"source": "lower image"}, ("floor_mask",), "the segmenter returned no floor pixels"),
+        ({"mask": None}, ("floor_mask",), "the segmenter returned no floor pixels"),
         ({}, ("trunk_tilt",), "fewer than two people have a body"),
         ({}, ("support",), "there is no floor and no surface near the body"),
         ({"report": {"clearance_m": 0.0, "assumed_support": 1.0}}, ("support",), "a support not visible in the scene"),

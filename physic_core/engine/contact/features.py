@@ -28,7 +28,7 @@ from physic_core.engine.contact.problem import ContactInput
 from physic_core.engine.contact.scene_parts import SceneParts, scene_parts
 from physic_core.engine.contact.skin import OWN_RADIUS_M, SkinDistances, own_distances, people_distances
 from physic_core.engine.limbs import straight_hips
-from physic_core.engine.placement.lifted_feet import MIN_FOOT_GAP
+from physic_core.engine.stance import MIN_FOOT_GAP
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.plane import height_over_plane
 from physic_core.types.skeletons import SIDES

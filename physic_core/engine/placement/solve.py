@@ -13,25 +13,23 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
-from physic_core.body.feet_in_picture import foot_touch_probability
 from physic_core.body.joints import joint_pair
 from physic_core.body.model import BodyModel, BodyOutput
 from physic_core.body.posture import standing_legs
 from physic_core.engine.limbs import hands_may_hold
 from physic_core.engine.placement.detections import ObservedPeople
 from physic_core.engine.placement.human_points import AlignedPhoto, PhotoPoints, align_photo
-from physic_core.engine.placement.lifted_feet import depth_gaps_at_feet, find_lifted_feet
 from physic_core.engine.placement.method import PlacementMethod
 from physic_core.engine.placement.place import PeopleObservations, PlacedBodies, Placement, place_bodies
 from physic_core.engine.scene.floor_below_people import FloorRejection, without_floor, wrong_floor
 from physic_core.engine.scene.solve import SceneState
 from physic_core.engine.sizes import resize_bodies
+from physic_core.engine.stance import Stance, find_lifted_feet
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
     from physic_core.engine.sizes.known_sizes import KnownScene
 
-_LIFTED_SIGMAS = 3.0  # both feet are in the air if a person is as many standard deviations from standing on the floor
 _ANKLES, _SHOULDERS, _WRISTS = joint_pair("ankle"), joint_pair("shoulder"), joint_pair("wrist")
 
 
@@ -64,10 +62,8 @@ class PlacementInput(ShortRepr):
         bodies: as estimated.
         detections: of the same people; each keypoint has a landmark on the body.
         contact_probability: (B, V) of the contact prior, in [0, 1].
-        raised: (H, W) bool, surfaces that can carry a foot above the ground; None if no surface is labelled.
         known: sizes that the user knows; None without any.
-        standing: (B,) how far the feet are from standing on the floor, in standard deviations
-            (:func:`physic_core.engine.sizes.standing_scores`), NaN where unknown; None if not measured.
+        stance: of the people; None if unknown.
     """
 
     scene: SceneState
@@ -75,9 +71,8 @@ class PlacementInput(ShortRepr):
     bodies: EstimatedBodies
     detections: ObservedPeople
     contact_probability: Tensor
-    raised: Tensor | None = None
     known: KnownScene | None = None
-    standing: Tensor | None = None
+    stance: Stance | None = None
 
 
 @dataclass(frozen=True)
@@ -116,13 +111,10 @@ def solve_placement(given: PlacementInput, method: PlacementMethod) -> PlacedPeo
     scene, bodies, detections = given.scene, given.bodies, given.detections
     output, posed = _pose(bodies, detections, method)
     photo = align_photo(given.photo, scene, detections.masks, method)
-    lifted, airborne = None, torch.zeros(len(bodies.transl), dtype=torch.bool)
-    if method.detect_lifted_feet and given.raised is not None and scene.floor_normal is not None:
-        gaps = depth_gaps_at_feet(detections, photo.depth, scene.depth, given.raised)
-        lifted = find_lifted_feet(gaps, _hands_may_hold(given, output, scene.floor_normal), scene.floor_offset)
-        if given.standing is not None:
-            lifted |= (given.standing < -_LIFTED_SIGMAS)[:, None]
-        airborne = lifted.all(1)
+    lifted, airborne, stance = None, torch.zeros(len(bodies.transl), dtype=torch.bool), given.stance
+    if method.detect_lifted_feet and stance is not None and scene.floor_normal is not None:
+        lifted = find_lifted_feet(stance, _hands_may_hold(given, output, scene.floor_normal), scene.floor_offset)
+        airborne = airborne if lifted is None else lifted.all(1)
     feet_seen = detections.observed[:, _ANKLES].any(1) & ~airborne.to(detections.observed.device)
     evidence = _observations(detections, photo, feet_seen, method)
     placed = place_bodies(posed, evidence, scene.K, scene.floor_plane, method)
@@ -132,10 +124,7 @@ def solve_placement(given: PlacementInput, method: PlacementMethod) -> PlacedPeo
         scene = without_floor(scene, rejected)
         kept = [None if person.on_floor else person for person in placed.people]
         placed = place_bodies(posed, evidence, scene.K, None, method, kept)
-    touch = None
-    if method.feet_by_picture:
-        names = detections.skeleton.names
-        touch = torch.from_numpy(foot_touch_probability(detections.keypoints.cpu().numpy(), names))
+    touch = torch.from_numpy(stance.touch) if method.feet_by_picture and stance is not None else None
     return PlacedPeople(scene, photo, bodies, placed, lifted, touch, ratio, rejected)
 
 

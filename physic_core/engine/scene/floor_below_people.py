@@ -11,8 +11,9 @@ from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.body.posture import standing_legs
+from physic_core.engine.floor import MIN_UP_CONFIDENCE
 from physic_core.engine.scene.solve import SceneState
-from physic_core.geometry.floor import MIN_UP_CONFIDENCE, PlaneFit
+from physic_core.geometry.floor import PlaneFit
 from physic_core.geometry.gravity import estimate_up
 from physic_core.geometry.plane import height_over_plane
 

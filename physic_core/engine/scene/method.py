@@ -7,10 +7,11 @@ from typing import ClassVar, Literal, NamedTuple
 
 from torch import Tensor
 
+from physic_core.engine.floor import FloorEvidence, find_floor
 from physic_core.engine.scene.camera import Cameras, convert_to_common_camera, scene_camera
 from physic_core.engine.scene.cleaning import edge_ratio
 from physic_core.geometry.alignment import AlignmentOptions
-from physic_core.geometry.floor import MIN_INLIER_SHARE, FloorEvidence, FloorSearch, PlaneFit, fit_floor
+from physic_core.geometry.floor import FloorSearch, PlaneFit, refit_floor
 from physic_core.geometry.plane import sample_plane
 from physic_core.geometry.pointmap import depth_edges, depth_to_pointmap, isolated_pixels, pointmap_normals
 from physic_core.types.bounds import NotNegative, PositiveOrInfinite
@@ -47,7 +48,7 @@ class SceneMethod:
 
     uses_pointmap: ClassVar[bool] = True
     alignment: ClassVar[AlignmentOptions] = AlignmentOptions(METRIC_DEPTH_TOLERANCE)
-    min_floor_share: ClassVar[float] = MIN_INLIER_SHARE
+    min_floor_share: ClassVar[float] = 0.05
 
     def share_camera(self, points: Tensor, depth: Tensor, cameras: Cameras) -> tuple[Tensor, Tensor, Cameras]:
         """Return point map (H, W, 3), metric depth (H, W) and cameras, converted to one camera."""
@@ -66,10 +67,12 @@ class SceneMethod:
         return PixelSurface(pointmap_normals(points, known, ratio), edges, outliers)
 
     def search_floor(self, points: Tensor, valid: Tensor, surface: Tensor, evidence: FloorEvidence) -> FloorSearch:
-        """Find the floor in valid metric points (H, W, 3) with normals (H, W, 3)."""
+        """Return the floor in valid metric points (H, W, 3) with their normals, fitted again if it is known."""
         if self.floor == "off":
             return FloorSearch(None, "switched_off")
-        return fit_floor(points, valid, evidence, surface)
+        if evidence.found is not None:
+            return refit_floor(points, valid, evidence.found)
+        return find_floor(points, valid, evidence, surface)
 
     def sample_floor(self, floor: PlaneFit, known: Tensor, clean: Tensor, feet: Tensor | None) -> Tensor:
         """Return points (F, 3) on the floor.

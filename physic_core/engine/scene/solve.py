@@ -14,12 +14,13 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from physic_core.engine.floor import FloorEvidence
 from physic_core.engine.scene.camera import Cameras, scene_camera
 from physic_core.engine.scene.method import SceneMethod
 from physic_core.errors import BackendOutputError
 from physic_core.geometry.alignment import Alignment, apply_alignment, fit_alignment
 from physic_core.geometry.camera import unproject
-from physic_core.geometry.floor import FloorEvidence, FloorSearch, PlaneFit
+from physic_core.geometry.floor import FloorSearch, PlaneFit
 from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.pointmap import depth_to_pointmap
 from physic_core.geometry.tensors import all_finite, select_pixels
@@ -224,7 +225,7 @@ def _floor_diagnostics(search: FloorSearch) -> dict[str, Any]:
         "reason": search.reason,
         "inlier_share": search.inlier_share,
         "below_share": search.below_share,
-        "mask_reason": search.mask_reason,
+        "in_mask": search.in_mask,
     }
     if search.plane is not None:
         x, y, z = (float(c) for c in search.plane.normal)

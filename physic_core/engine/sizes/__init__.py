@@ -2,11 +2,11 @@
 
 :mod:`.evidence` states each kind as a logarithm of the scale with its sigma, and :mod:`.stature` is the prior of
 people. :mod:`.known_sizes` and :mod:`.people_in_scene`, which compare with sizes of the user, are imported when some
-are given, and :mod:`.unknown_scale` when nothing is known.
+are given.
 """
 
-from physic_core.engine.sizes.person_scales import scales_by_soles, scales_by_torsos, standing_scores
-from physic_core.engine.sizes.scale_vote import PeopleVote, PersonScales, ScaleRule, scale_by_people
+from physic_core.engine.sizes.person_scales import scales_by_soles, scales_by_torsos
+from physic_core.engine.sizes.scale_vote import ScaleVote, Witnesses, scaled_depth, vote_on_scale
 from physic_core.engine.sizes.stature import (
     ADULT_STATURE_M,
     adult_shape,
@@ -19,17 +19,16 @@ from physic_core.engine.sizes.stature import (
 
 __all__ = [
     "ADULT_STATURE_M",
-    "PeopleVote",
-    "PersonScales",
-    "ScaleRule",
+    "ScaleVote",
+    "Witnesses",
     "adult_shape",
     "betas_with_stature",
     "linearise_stature",
     "resize_bodies",
-    "scale_by_people",
+    "scaled_depth",
     "scales_by_soles",
     "scales_by_torsos",
-    "standing_scores",
     "stature_prior",
     "stature_sigmas",
+    "vote_on_scale",
 ]

@@ -1,7 +1,6 @@
 """Scale of a relative scene by each person: by the soles on its floor, and by the depth of the torso.
 
-The ratio of both has no unit. It says whether feet stand on the floor: the rays of lifted feet meet the floor farther
-away, so that the scale by the soles is too small. Camera frame of the bodies.
+Camera frame of the bodies.
 """
 
 from __future__ import annotations
@@ -75,23 +74,6 @@ def scales_by_torsos(
     return np.array(
         [_scale_by_torso(body, faces, torso, mask, photo, camera) for body, mask in zip(vertices, masks, strict=True)]
     )
-
-
-def standing_scores(by_soles: FloatArray, by_torsos: FloatArray, photo: Pointmap) -> FloatArray:
-    """Return how far each person's feet are from standing on the floor, (N,) in standard deviations.
-
-    About 0 for people who stand on it, clearly negative for people whose feet are over it. NaN where soles or torso are
-    not visible, and for all people if the point map does not state ``people_farther``.
-
-    Args:
-        by_soles: (N, 2) of :func:`scales_by_soles`.
-        by_torsos: (N,) of :func:`scales_by_torsos`.
-        photo: point map of the photo with its people.
-    """
-    if photo.people_farther is None:
-        return np.full(len(by_torsos), np.nan)
-    mean, sigma = photo.people_farther
-    return np.asarray((np.log(np.fmax(by_soles[:, 0], by_soles[:, 1]) / by_torsos) - mean) / sigma)
 
 
 def _scale_by_torso(

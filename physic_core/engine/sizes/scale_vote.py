@@ -1,163 +1,153 @@
-"""Robust vote of people on the scale of a scene, and on the shift of its inverse depth: by their soles, or torsos.
+"""One vote on the scale of a scene, and on the shift of its inverse depth, by all that has a known size.
 
 A scene of depth Z' in its own unit has the metric depth Z with 1 / Z = (1 / Z' + t) / s. A person at depth z, whom the
 scene alone would scale by m = z / Z', says s = m + t z. So people at different depths determine t as well: near people
 the scale, far ones the shift.
+
+Witnesses of one kind share an error: soles that of the floor, torsos that of the depth of people in the map. Each one
+may also be wrong, as a child or a raised foot is. All is evaluated on a fixed grid of log s and t, for each candidate
+for the floor, and the answer is the mean over all of them. So no evidence near a limit switches the answer.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+from physic_core.types import DepthMap, SceneScale
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from physic_core.types import Intrinsics, Pointmap
+
     FloatArray = NDArray[np.floating]
 
-_LEAST_SIZE = 0.25  # of people with visible soles, as a share of the size of the best visible torso
-_SHIFTS = np.linspace(-3.0, 3.0, 241)  # tried shifts, in standard deviations
+_STEP = 0.01
+_LOGS = np.arange(math.log(1e-2), math.log(1e3), _STEP)
+_SHIFTS = np.linspace(-3.0, 3.0, 31)  # in standard deviations
+_WRONG_SIGMA = 0.5  # of the logarithm of the scale by a witness who is wrong
+_SIGMA_SHARE = 0.683  # of the probability within one standard deviation
+_FARTHEST_M = 1e4
+
+
+@dataclass(frozen=True)
+class Witnesses:
+    """N witnesses of one kind on the scale of a scene.
+
+    Attributes:
+        scale: (N,) m, metres per unit of the scene; NaN for who says nothing.
+        depth: (N,) z, metres; NaN if the shift does not matter.
+        sigma: (N,) standard deviation of log(m) of each one alone.
+        sure: (N,) probability that a witness is not wrong.
+        shared_sigma: standard deviation of the error that all share.
+    """
+
+    scale: FloatArray
+    depth: FloatArray
+    sigma: FloatArray
+    sure: FloatArray
+    shared_sigma: float
 
 
 @dataclass(frozen=True)
 class ScaleVote:
-    """Result of a vote.
+    """Result of a vote with P candidates for the floor.
 
     Attributes:
-        scale: s, metres per unit.
-        shift: t, 1 / unit.
-        sigma: standard deviation of log(s): the error that all voters share, and their disagreement.
-        outliers: (N,) bool, voters whose scale differs by more than three standard errors.
-        split: whether such voters have more than a third of the votes.
+        scale: the answer.
+        weights: (P,) probability of each candidate.
+        log_scale: logarithm of the scale of a person at the reference depth.
+        reference: that depth, metres.
     """
 
-    scale: float
-    shift: float
-    sigma: float
-    outliers: NDArray[np.bool_]
-    split: bool
+    scale: SceneScale
+    weights: FloatArray
+    log_scale: float
+    reference: float
 
+    def residuals(self, witnesses: Witnesses) -> FloatArray:
+        """Return by how much more than the answer witnesses say: (N,) logarithms, NaN for who says nothing."""
+        m = witnesses.scale + self.scale.shift * np.nan_to_num(witnesses.depth - self.reference)
+        return np.asarray(np.log(np.maximum(m, 1e-3 * witnesses.scale)) - self.log_scale)
 
-@dataclass(frozen=True)
-class ScaleRule:
-    """How people vote on the scale of a scene.
-
-    Attributes:
-        by: "soles" on the floor, "torsos", or "auto": soles where they are seen well, else torsos.
-        soles_sigma: unknown part of a scale from soles: stature. Standard deviation of the logarithm.
-        torsos_sigma: unknown part of a scale from torsos: stature and the person's depth.
-        disagreement: a person whose soles say this many times more or less than their torso stands elsewhere.
-    """
-
-    by: Literal["auto", "soles", "torsos"]
-    soles_sigma: float
-    torsos_sigma: float
-    disagreement: float
-
-
-@dataclass(frozen=True)
-class PersonScales:
-    """Scale of the scene estimated from each of N people, metres per unit; NaN where unknown.
-
-    Attributes:
-        soles: (N,) from soles on the floor.
-        torsos: (N,) from the depth of the torso.
-        lifted: (N,) bool, people whose feet are over the floor.
-    """
-
-    soles: FloatArray
-    torsos: FloatArray
-    lifted: NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
-class PeopleVote:
-    """Scale of a scene by its people.
-
-    Attributes:
-        vote: result of the vote.
-        by_soles: whether soles voted, or torsos.
-        voters: (N,) bool, people whose scale was used.
-        elsewhere: (N,) bool, people whose soles are not on the floor.
-    """
-
-    vote: ScaleVote
-    by_soles: bool
-    voters: NDArray[np.bool_]
-    elsewhere: NDArray[np.bool_]
-
-
-def scale_by_people(
-    people: PersonScales, depths: FloatArray, weights: FloatArray, shift_sigma: float, rule: ScaleRule
-) -> PeopleVote | None:
-    """Let soles on the floor vote on the scale, else torsos; None if neither is visible.
-
-    The scale that puts soles on the floor is the better one: the relative depth of a person is often larger than that
-    of the floor under their feet.
-
-    Args:
-        people: scales of N people.
-        depths: (N,) metres.
-        weights: (N,) > 0, how well the photo shows each person.
-        shift_sigma: standard deviation of the shift of inverse depth, 1 / unit; 0 if it is known.
-        rule: of the vote.
-    """
-    with np.errstate(invalid="ignore"):
-        elsewhere = np.abs(np.log(people.soles / people.torsos)) > np.log(rule.disagreement)
-    if elsewhere[np.isfinite(people.soles)].all():
-        elsewhere[:] = False
-    elsewhere |= people.lifted
-    soles = np.where(elsewhere, np.nan, people.soles)
-    by_soles = rule.by == "soles" or (rule.by == "auto" and _are_seen_well(soles, people.torsos, weights))
-    scales, sigma = (soles, rule.soles_sigma) if by_soles else (people.torsos, rule.torsos_sigma)
-    if not np.isfinite(scales).any():
-        return None
-    vote = vote_on_scale(scales, depths, weights, sigma, shift_sigma)
-    return PeopleVote(vote, by_soles, np.isfinite(scales) & ~vote.outliers, elsewhere)
-
-
-def _are_seen_well(soles: FloatArray, torsos: FloatArray, weights: FloatArray) -> bool:
-    """Return whether soles are seen of a person who is not much smaller in the photo than the best seen torso."""
-    best = weights[np.isfinite(soles)].max(initial=0.0)
-    return bool(best > _LEAST_SIZE * weights[np.isfinite(torsos)].max(initial=0.0))
+    def right(self, witnesses: Witnesses) -> FloatArray:
+        """Return the probability (N,) that witnesses are not wrong, at the answer; NaN for who says nothing."""
+        away = self.residuals(witnesses)
+        sigma = np.hypot(np.hypot(witnesses.sigma, witnesses.shared_sigma), self.scale.sigma or 0.0)
+        right, wrong = (np.exp(-0.5 * (away / s) ** 2) / s for s in (sigma, np.hypot(_WRONG_SIGMA, sigma)))
+        sure = witnesses.sure
+        return np.asarray(sure * right / (sure * right + (1 - sure) * wrong + 1e-300))
 
 
 def vote_on_scale(
-    scales: FloatArray, depths: FloatArray, weights: FloatArray, sigma: FloatArray | float, shift_sigma: float
-) -> ScaleVote:
-    """Return the scale and shift with the least robust cost.
+    kinds: Sequence[Witnesses],
+    on_planes: Sequence[Sequence[Witnesses]] = ((),),
+    log_prior: Sequence[float] = (0.0,),
+    shift_sigma: float = 0.0,
+) -> ScaleVote | None:
+    """Return the posterior of the scale and of the floor; None if no witness says anything.
 
     Args:
-        scales: (N,) m of each voter, metres per unit; NaN for people who do not vote.
-        depths: (N,) z of each voter, metres.
-        weights: (N,) > 0, how well the photo shows each voter.
-        sigma: standard deviation of log(m), of all or (N,); the most certain voters dominate.
-        shift_sigma: standard deviation of the shift, 1 / unit; 0 if it is known.
+        kinds: witnesses who do not depend on the floor.
+        on_planes: for each of P candidates for the floor, kinds of witnesses who do.
+        log_prior: (P,) of the candidates, nats.
+        shift_sigma: standard deviation of the shift of inverse depth, 1 / unit; 0 if it is known.
     """
-    voters = np.isfinite(scales)
-    sigmas = np.broadcast_to(sigma, len(scales))[voters]
-    least = float(sigmas.min())
-    m, z, weight = scales[voters], depths[voters], weights[voters] * (least / sigmas) ** 2
-    weight = weight / weight.max()
-    shifts = _SHIFTS * shift_sigma if shift_sigma and len(m) > 1 else np.zeros(1)
-    candidates = np.log(np.maximum(m + shifts[:, None] * z, 1e-3 * m))  # (T, N)
-    # Each voter's own scale is a candidate: cost (T, N candidates).
-    misses = (candidates[:, None, :] - candidates[:, :, None]) / sigmas
-    cost = (np.log1p(misses**2) * weight).sum(-1)
+    everyone = [w for kind in (kinds, *on_planes) for w in kind]
+    depths = np.concatenate([w.depth[np.isfinite(w.scale)] for w in everyone]) if everyone else np.zeros(0)
+    if not len(depths):
+        return None
+    depths = depths[np.isfinite(depths)]
+    reference = float(np.median(depths)) if len(depths) else 0.0
+    shifts = _SHIFTS * shift_sigma if shift_sigma and len(depths) and np.ptp(depths) > 0 else np.zeros(1)
+    shared = sum((_log_likelihood(w, shifts, reference) for w in kinds), np.zeros((len(shifts), len(_LOGS))))
     if len(shifts) > 1:
-        cost = cost + ((shifts / shift_sigma) ** 2)[:, None]
-    row, best = np.unravel_index(int(cost.argmin()), cost.shape)
-    logs = candidates[row]
-    middle = float(logs[best])
-    for _ in range(20):
-        kernel = weight / (1 + ((logs - middle) / sigmas) ** 2)
-        middle = float(np.average(logs, weights=kernel))
-    share = weight / weight.sum()
-    # Mean absolute deviation, as a standard deviation of the mean of so many voters.
-    spread = 1.25 * float((share * np.abs(logs - middle)).sum() * np.sqrt((share**2).sum()))
-    outliers = np.zeros(len(scales), bool)
-    outliers[voters] = np.abs(logs - middle) > 3 * sigmas
-    split = float(share[outliers[voters]].sum()) > 1 / 3
-    return ScaleVote(float(np.exp(middle)), float(shifts[row]), float(np.hypot(least, spread)), outliers, split)
+        shared = shared - 0.5 * (shifts / shift_sigma)[:, None] ** 2
+    log_density = np.stack(
+        [
+            prior + shared + sum(_log_likelihood(w, shifts, reference) for w in plane)
+            for prior, plane in zip(log_prior, on_planes, strict=True)
+        ]
+    )
+    density = np.exp(log_density - log_density.max())
+    density /= density.sum()
+    of_log = density.sum((0, 1))
+    mean = float(of_log @ _LOGS)
+    shift = float(density.sum((0, 2)) @ shifts)
+    half = (1 - _SIGMA_SHARE) / 2
+    low, high = np.interp([half, 1 - half], of_log.cumsum(), _LOGS)
+    scale = SceneScale(math.exp(mean) + shift * reference, shift, float(high - low) / 2)
+    return ScaleVote(scale, density.sum((1, 2)), mean, reference)
+
+
+def _log_likelihood(witnesses: Witnesses, shifts: FloatArray, reference: float) -> FloatArray:
+    """Return the log likelihood (T, S) of shifts (T,) and the grid of log scales of a person at the reference depth."""
+    from scipy.ndimage import gaussian_filter1d
+
+    known = np.isfinite(witnesses.scale)
+    m, z, sigma, sure = (x[known] for x in (witnesses.scale, witnesses.depth, witnesses.sigma, witnesses.sure))
+    logs = np.log(np.maximum(m + shifts[:, None] * np.nan_to_num(z - reference), 1e-3 * m))
+    away, sigma = logs[..., None] - _LOGS, np.hypot(sigma, _STEP)
+    right, wrong = (
+        np.exp(-0.5 * (away / s[:, None]) ** 2) / (math.sqrt(2 * math.pi) * s[:, None])
+        for s in (sigma, np.full_like(sigma, _WRONG_SIGMA))
+    )
+    each = np.log(sure[:, None] * right + (1 - sure)[:, None] * wrong + 1e-300)
+    total = each.sum(1)
+    most = total.max()
+    blur = max(witnesses.shared_sigma / _STEP, 1e-3)
+    smooth = gaussian_filter1d(np.exp(total - most), blur, axis=-1, truncate=5.0)
+    return np.asarray(np.log(smooth + 1e-300) + most)
+
+
+def scaled_depth(scene: Pointmap, scale: SceneScale, camera: Intrinsics | None) -> DepthMap:
+    """Return the metric depth of a relative scene; ``camera`` is used if the scene does not state its own."""
+    with np.errstate(divide="ignore"):
+        inverse = (1 / np.where(scene.valid, scene.points[..., 2], np.nan) + scale.shift) / scale.scale
+        depth = np.where(inverse > 1 / _FARTHEST_M, 1 / inverse, np.nan).astype(np.float32)
+    return DepthMap(depth, scene.intrinsics or camera, scale.sigma, scale.notes)

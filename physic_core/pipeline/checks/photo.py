@@ -22,8 +22,7 @@ _FEWEST_TRUNKS = 2  # a single person may bend
 
 _NO_FLOOR = {
     "no_pixels": "too few pixels to search",
-    "no_consensus": "no horizontal plane has enough pixels",
-    "below_plane": "too many pixels lie below the best plane",
+    "no_consensus": "no horizontal plane explains enough pixels",
     "through_people": "the only horizontal plane cuts through the people, like a table or a seat",
     "far_below_people": "the only horizontal plane lies far below the people, who stand on something else",
     "tilted": "the only plane contradicts the up direction of standing people or of other surfaces",
@@ -83,13 +82,12 @@ def _check_floor(report: Mapping[str, Any], settings: EngineSettings) -> Iterato
         failed=reason != "found",
         threshold=settings.scene.min_floor_share,
     )
-    wrong = report["mask_reason"]
-    followed = report.get("source") == "floor mask"
+    in_mask = report["in_mask"]
     yield Measurement(
         "floor_mask",
-        float(followed) if reason == "found" and (followed or wrong is not None) else None,
-        f"the floor mask was not followed, since {_NO_FLOOR.get(str(wrong), wrong)}: the floor was searched in the "
-        "lower part of the photo; check it in preview.png",
+        None if in_mask is None else float(in_mask),
+        "the floor mask was not followed, since another plane of the lower part of the photo is more likely: check it "
+        "in preview.png",
         unmeasured="no floor was found" if reason != "found" else "the segmenter returned no floor pixels",
     )
 

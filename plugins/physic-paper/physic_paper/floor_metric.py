@@ -58,7 +58,7 @@ def fit_floor_metric(points: Tensor, normals: Tensor, valid: Tensor, floor_mask:
         return FloorSearch(None, "no_consensus", share, below)
     inliers = valid & (height_over_plane(points, n, float(o)).abs() < _TOLERANCE_M)
     fit = PlaneFit(n.to(points), float(o), inliers, share, below, "floor mask")
-    return FloorSearch(fit, "found", share, below)
+    return FloorSearch(fit, "found", share, below, in_mask=True)
 
 
 def _ransac(cloud: Tensor, directions: Tensor) -> tuple[Tensor, Tensor] | None:

@@ -9,10 +9,11 @@ from typing import ClassVar, Literal
 import torch
 from torch import Tensor
 
+from physic_core.engine.floor import FloorEvidence
 from physic_core.engine.scene.camera import Cameras, scene_camera
 from physic_core.engine.scene.method import METRIC_DEPTH_TOLERANCE, PixelSurface, SceneMethod
 from physic_core.geometry.alignment import AlignmentOptions
-from physic_core.geometry.floor import FloorEvidence, FloorSearch, PlaneFit
+from physic_core.geometry.floor import FloorSearch, PlaneFit
 from physic_core.geometry.pointmap import pointmap_normals
 from physic_core.types.bounds import NotNegative, PositiveOrInfinite
 from physic_paper.floor_metric import MIN_INLIER_SHARE, fit_floor_metric

@@ -19,7 +19,9 @@ from physic_core.body.landmarks import LandmarkRegressor
 from physic_core.body.model import BodyModel
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.engine.joint.problem import JointProblem
+from physic_core.engine.stance import Stance
 from physic_core.geometry.camera import pixel_grid, unproject
+from physic_core.geometry.floor import FloorSearch
 from physic_core.pipeline.estimate import Estimates
 from physic_core.types import (
     SKELETONS,
@@ -195,6 +197,7 @@ class Published:
         scene, original = (self._pointmap(points, camera) for points in (self.points(), self.human_map()))
         rotations, betas, transl = self.given("init")
         probability = self.arrays["one/in/contact_prob"]
+        unknown = np.full((1, 2), np.nan)
         return Estimates(
             image=image,
             intrinsics=camera,
@@ -212,7 +215,8 @@ class Published:
             inpainted=image,
             scene=scene,
             original=original,
-            floor=None,
+            floor=FloorSearch(None, "no_pixels"),
+            stance=Stance(unknown, unknown, None, unknown, unknown[:, 0]),
             bodies=Bodies(parameters_from_rotations(rotations, betas, torch.zeros(1, 0), transl), "smplx"),
             contact=ContactProbability(probability, "published"),
             depth=DepthMap(np.where(scene.valid, scene.points[..., 2], np.nan), camera),

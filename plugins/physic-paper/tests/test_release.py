@@ -15,6 +15,7 @@ from torch import Tensor
 
 from physic_core import engine_preset
 from physic_core.engine.contact.distance import surface_distances
+from physic_core.engine.floor import FloorEvidence
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.solve import optimize
@@ -23,7 +24,6 @@ from physic_core.engine.placement.human_points import human_points
 from physic_core.engine.placement.place import PeopleObservations, PlacedBodies, place_bodies
 from physic_core.engine.scene.camera import Cameras
 from physic_core.engine.scene.solve import SceneInput, solve_scene
-from physic_core.geometry.floor import FloorEvidence
 from physic_core.types import SKELETONS
 from physic_paper.contact import DistanceContact
 from physic_paper.grid_search import GridSearch

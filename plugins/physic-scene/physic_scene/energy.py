@@ -22,9 +22,10 @@ if TYPE_CHECKING:
 
     from physic_core.engine.contact.features import Distances
     from physic_core.engine.contact.problem import ContactInput
+    from physic_core.engine.floor import FloorEvidence
     from physic_core.engine.placement.terms import PlacementProblem
     from physic_core.engine.scene.camera import Cameras
-    from physic_core.geometry.floor import FloorEvidence, FloorSearch
+    from physic_core.geometry.floor import FloorSearch
 
 _LEAST_SLOPE = 0.15  # of a ray to the floor, at the horizon
 _MOST_MOVED = 1.6  # factor on a depth

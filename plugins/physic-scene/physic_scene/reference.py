@@ -143,9 +143,7 @@ class ReferenceInput(ShortRepr):
             bodies=replace(estimates.bodies, parameters=BodyParameters(**bodies), observed=self.bodies.observed),
             contact=replace(estimates.contact, probability=padded(estimates.contact.probability)),
             missing_results=(*missing, *[()] * (len(self.shown) - before)),
-            standing=None
-            if estimates.standing is None
-            else np.append(estimates.standing, np.full(len(self.shown) - before, np.nan)),
+            stance=estimates.stance.expanded(np.arange(len(self.shown)) < before),
         )
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.engine.sizes import stature_sigmas
-from physic_core.engine.sizes.scale_vote import vote_on_scale
+from physic_core.engine.sizes.scale_vote import Witnesses, vote_on_scale
 from physic_core.errors import InputError
 from physic_core.types import CameraTrust, Intrinsics
 from physic_core.types.short_repr import ShortRepr
@@ -34,6 +34,7 @@ _MOST_OFF = 0.06
 bound of ``view_keypoints``. Of 30 pairs of photos of a rig, right matches have up to 0.032."""
 
 _KNOWN_BONE = 0.01
+_SURE = 0.9  # probability that a person of unknown stature is an adult
 _SEEN = 0.3  # confidence of a keypoint
 
 
@@ -180,13 +181,15 @@ def _scale(observations: MomentObservations, bundle: Bundle) -> tuple[float, flo
         return 1.0, 0.0
     size = np.log(_spread(observations.landmarks))
     alone = np.nanmean(np.where(observations.shown, size, np.nan), axis=0)
-    factor, every = np.exp(alone) / _spread(bundle.points), np.ones(len(alone))
+    factor = np.exp(alone) / _spread(bundle.points)
     known = np.isfinite(observations.bone_sigma)
     unknown = np.full(len(alone), np.nan)
     voters = np.where(known, factor, np.nan) if known.any() else factor
     sigma = np.where(known, _KNOWN_BONE, stature_sigmas(unknown, unknown))
-    vote = vote_on_scale(voters, every, every, sigma, 0.0)
-    return vote.scale, vote.sigma
+    vote = vote_on_scale([Witnesses(voters, unknown, sigma, np.full(len(alone), _SURE), shared_sigma=0.0)])
+    assert vote is not None
+    assert vote.scale.sigma is not None
+    return vote.scale.scale, vote.scale.sigma
 
 
 def _spread(points: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.types import Bodies, Keypoints, People, Plane, Pointmap
+from physic_core.types import Bodies, Keypoints, People, Plane, Pointmap, SceneScale
 from physic_testing.worlds import BLAZEPOSE, build_world
 
 if TYPE_CHECKING:
@@ -80,6 +80,7 @@ class Case:
         scene: true points of ``empty``, in units of SCENE_UNIT metres.
         original: true points of ``photo``, in the same unit.
         floor: floor plane, in the same unit.
+        scale: of that unit.
         world: ground truth; None for a photo that was resampled or altered and has no ground truth.
     """
 
@@ -94,6 +95,7 @@ class Case:
     scene: Pointmap
     original: Pointmap
     floor: Plane
+    scale: SceneScale
     world: World | None
 
     @property
@@ -167,6 +169,7 @@ def case_of_world(name: str, world: World) -> Case:
         scene=Pointmap(scene, np.isfinite(scene).all(axis=2), "scale", world.intrinsics),
         original=Pointmap(original, np.isfinite(original).all(axis=2), "scale", world.intrinsics),
         floor=Plane(world.floor.normal, world.floor.offset / SCENE_UNIT),
+        scale=SceneScale(SCENE_UNIT, sigma=0.01),
         world=world,
     )
 

@@ -1,0 +1,240 @@
+"""Where the floor is: a few planes, each with a score, so that evidence moves the answer instead of switching it.
+
+Candidates are planes through the floor masks of the segmenter, the pixels labelled as floor, the lower part of the
+image, its horizontal surfaces, and the soles of people. All are scored on the same pixels, and compared with no floor
+at all. What feet say of each plane depends on the scale: :func:`physic_core.engine.sizes.vote_on_scale` adds it. OpenCV
+camera frame, any unit.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from physic_core.body.joints import JOINT_INDEX, joint_pair
+from physic_core.body.posture import standing_legs
+from physic_core.geometry.floor import (
+    MASK_SLACK,
+    FloorSearch,
+    FloorSource,
+    InverseDepthMap,
+    PlaneFit,
+    inverse_depth_map,
+    move_to_feet,
+    plane_at_feet,
+    plane_of_pixels,
+)
+from physic_core.geometry.floor_ransac import HOLE_WEIGHT, LOWER_SHARE
+from physic_core.geometry.gravity import estimate_up
+from physic_core.geometry.tensors import select_pixels
+
+MIN_UP_CONFIDENCE = 0.11
+"""Confidence of an up direction that counts fully, see :class:`physic_core.geometry.gravity.UpEstimate`."""
+
+_SAMPLES = 16_000  # pixels that score
+_PIXEL_NATS = 6.0  # weight of all pixels together: neighbours share their error
+_NO_LABEL = (0.500, 0.498, 0.002)
+_MASK, _GROUND, _NO_GROUND = (0.700, 0.270, 0.030), (0.850, 0.130, 0.020), (0.100, 0.898, 0.002)
+"""Share of pixels on, in front of and behind the floor, by label: one does not see through a floor."""
+
+_BANDS = 50.0  # tolerances in the range of inverse depth: pixels off the plane may lie anywhere in it
+_NO_FLOOR_NATS = 1.5  # for "no floor", which has no pixel to explain
+_UP_SIGMA_DEG = 6.0  # of a confident up direction
+_AXIS_SIGMA_DEG = 15.0  # between people who stand straight and up
+_IN_MASK_SHARE = 0.4  # least share of a floor mask on a floor that is where the segmenter sees it
+_STANDS = math.cos(math.radians(45.0))  # least cosine between straight bodies and the camera's up axis
+_ROLL_SIGMA_DEG, _PITCH_SIGMA_DEG = 8.0, 30.0  # of cameras in hands
+_LEVEL_COSINE = math.cos(math.radians(25.0))  # least cosine between up and the normal of a horizontal pixel
+
+
+@dataclass(frozen=True)
+class FloorEvidence:
+    """What a photo shows of its floor.
+
+    Attributes:
+        mask: (H, W) bool, pixels that a segmenter takes for the floor, or None.
+        hole: (H, W) bool, inpainted pixels, or None.
+        feet_px: (F, 2) px, floor pixels at people's soles; F may be 0; or None.
+        others: (H, W) bool each, other masks of what may be the floor.
+        ground: (H, W) bool, pixels with the label of a floor, or None.
+        no_ground: (H, W) bool, pixels with the label of something else, or None.
+        found: the answer for the same photo, if it was found before; None searches.
+    """
+
+    mask: Tensor | None = None
+    hole: Tensor | None = None
+    feet_px: Tensor | None = None
+    others: tuple[Tensor, ...] = ()
+    ground: Tensor | None = None
+    no_ground: Tensor | None = None
+    found: FloorSearch | None = None
+
+
+@dataclass(frozen=True)
+class FloorCandidate:
+    """A plane that may be the floor, or no floor.
+
+    Attributes:
+        plane: moved to the feet; None for no floor.
+        log_score: by pixels, labels and gravity, nats.
+    """
+
+    plane: PlaneFit | None
+    log_score: float
+
+
+def find_floor(points: Tensor, valid: Tensor, evidence: FloorEvidence, normals: Tensor | None = None) -> FloorSearch:
+    """Return the most likely floor by the pixels alone; see :func:`floor_candidates`."""
+    candidates = floor_candidates(points, valid, evidence, normals)
+    return chosen_floor(candidates, best_candidate(candidates), evidence)
+
+
+def best_candidate(candidates: tuple[FloorCandidate, ...]) -> int:
+    """Return the candidate with the largest score by the pixels alone."""
+    return max(range(len(candidates)), key=lambda i: candidates[i].log_score)
+
+
+def chosen_floor(candidates: tuple[FloorCandidate, ...], best: int, evidence: FloorEvidence) -> FloorSearch:
+    """Return one of the candidates as the answer of a search."""
+    plane = candidates[best].plane
+    if plane is None:
+        empty = [(c.plane.inlier_share, c.plane.below_share) for c in candidates if c.plane is not None]
+        return FloorSearch(None, "no_consensus", *max(empty, default=(0.0, 0.0)))
+    masks = [m for m in (evidence.mask, evidence.ground, *evidence.others) if m is not None and bool(m.any())]
+    shares = [float(plane.inliers[mask].double().mean()) for mask in masks]
+    in_mask = max(shares) > _IN_MASK_SHARE if shares else None
+    return FloorSearch(plane, "found", plane.inlier_share, plane.below_share, in_mask)
+
+
+def floor_candidates(
+    points: Tensor, valid: Tensor, evidence: FloorEvidence, normals: Tensor | None = None
+) -> tuple[FloorCandidate, ...]:
+    """Return at most six planes that may be the floor, and last the candidate without a floor.
+
+    Args:
+        points: (H, W, 3), any unit, preferably of the photo without its people.
+        valid: (H, W) bool.
+        evidence: of the floor.
+        normals: (H, W, 3) unit, zero where unknown; None leaves up unknown.
+    """
+    view = inverse_depth_map(points, valid, evidence.hole)
+    if view is None:
+        return (FloorCandidate(None, 0.0),)
+    known = None if normals is None else select_pixels(view.valid, normals)[0]
+    shown = None if known is None else estimate_up(known)
+    up = shown.up if shown is not None and shown.confidence >= MIN_UP_CONFIDENCE else None
+    pixels = _scored_pixels(view, evidence)
+    found, best = [], None
+    for plane, fit, mask in _planes(view, evidence, normals, up):
+        score = _pixel_score(view, plane, pixels) + _gravity_score(fit.normal, known)
+        found.append(FloorCandidate(move_to_feet(view, plane, fit, mask, evidence.feet_px), score))
+        best = found[-1] if best is None or score > best.log_score else best
+    feet = evidence.feet_px
+    if feet is not None and len(feet):
+        level = up if up is not None else best.plane.normal if best is not None and best.plane is not None else None
+        at_feet = None if level is None else plane_at_feet(view, level, feet)
+        if at_feet is not None:
+            score = _pixel_score(view, at_feet[0], pixels) + _gravity_score(at_feet[1].normal, known)
+            found.append(FloorCandidate(at_feet[1], score))
+    return (*found, FloorCandidate(None, _NO_FLOOR_NATS))
+
+
+def _planes(
+    view: InverseDepthMap, evidence: FloorEvidence, normals: Tensor | None, up: Tensor | None
+) -> list[tuple[Tensor, PlaneFit, Tensor | None]]:
+    """Return the planes of masks, lower part and horizontal surfaces, each as (3,), as a fit, and with its mask."""
+    regions: list[tuple[FloorSource, Tensor | None, Tensor | None]] = [("floor mask", evidence.mask, None)]
+    regions += [("floor mask", other, None) for other in evidence.others[:1]]
+    regions += [("labels", evidence.ground, None)]
+    regions = [region for region in regions if region[1] is not None and bool(region[1].any())]
+    regions += [("lower image", None, up)]
+    found = []
+    for source, mask, direction in regions:
+        fit = plane_of_pixels(view, mask, direction, source, 1.0 if mask is None else MASK_SLACK)
+        found += [] if fit is None else [(*fit, mask)]
+    if found and up is not None and normals is not None:
+        # A large table or seat is horizontal, too: the next largest surface may be the floor.
+        rows = len(view.valid)
+        lower = torch.arange(rows, device=view.valid.device)[:, None] >= (1 - LOWER_SHARE) * rows
+        level = view.valid & lower & (normals.double() @ up > _LEVEL_COSINE) & ~found[-1][1].inliers
+        fit = plane_of_pixels(view, level, up, "level surfaces", MASK_SLACK)
+        found += [] if fit is None else [(*fit, level)]
+    return found
+
+
+@dataclass(frozen=True)
+class _Pixels:
+    """M pixels that score: row and column, weight with the sum 1, and odds (M, 3) of their labels."""
+
+    rows: Tensor
+    columns: Tensor
+    weight: Tensor
+    odds: Tensor
+
+
+def _scored_pixels(view: InverseDepthMap, evidence: FloorEvidence) -> _Pixels:
+    """Return the pixels of the lower part of the image and those with the label of a floor."""
+    height, width = view.valid.shape
+    step = max(1, math.ceil(math.sqrt(height * width / _SAMPLES)))
+    rows, columns = torch.meshgrid(
+        torch.arange(step // 2, height, step), torch.arange(step // 2, width, step), indexing="ij"
+    )
+    ground = torch.zeros_like(view.valid) if evidence.ground is None else evidence.ground
+    use = view.valid[rows, columns] & ((rows >= (1 - LOWER_SHARE) * height) | ground[rows, columns])
+    rows, columns = rows[use], columns[use]
+    weight = 1.0 + rows.double() / height
+    if evidence.hole is not None:
+        weight = weight * torch.where(evidence.hole[rows, columns], HOLE_WEIGHT, 1.0)
+    odds = weight.new_tensor(_NO_LABEL).expand(len(rows), 3)
+    for mask, known in ((evidence.mask, _MASK), (evidence.ground, _GROUND), (evidence.no_ground, _NO_GROUND)):
+        if mask is not None:
+            odds = torch.where(mask[rows, columns][:, None], weight.new_tensor(known), odds)
+    return _Pixels(rows, columns, weight / weight.sum(), odds)
+
+
+def _pixel_score(view: InverseDepthMap, plane: Tensor, pixels: _Pixels) -> float:
+    """Return the tempered log likelihood of pixels by a plane (3,), less that without a plane, nats."""
+    rays, inverse = view.rays[pixels.rows, pixels.columns].double(), view.inverse[pixels.rows, pixels.columns].double()
+    error = (inverse - rays @ plane) / (MASK_SLACK * view.tolerance)
+    on, front, behind = pixels.odds.unbind(-1)
+    likelihood = on * torch.exp(-0.5 * error.square()) / math.sqrt(2 * math.pi)
+    likelihood = likelihood + 2 / _BANDS * (front * torch.sigmoid(2 * error) + behind * torch.sigmoid(-2 * error))
+    return _PIXEL_NATS * float((pixels.weight * (likelihood * _BANDS).log()).sum())
+
+
+def standing_score(normal: Tensor, joints: Tensor) -> float:
+    """Return what people (N, 55, 3) say of a floor with a normal (3,), nats: the straight ones stand upright on it.
+
+    The camera axis that points up distinguishes people who lie straight from people who stand.
+    """
+    straight = torch.from_numpy(standing_legs(joints.cpu().numpy()).all(1))
+    axes = joints[straight].double()
+    axes = torch.nn.functional.normalize(axes[:, JOINT_INDEX["neck"]] - axes[:, joint_pair("ankle")].mean(1), dim=-1)
+    axes = axes[-axes[:, 1] > _STANDS]
+    angles = sorted(_angle_deg(axis, normal) for axis in axes)
+    return _robust(angles[len(angles) // 2] / _AXIS_SIGMA_DEG) if angles else 0.0
+
+
+def _gravity_score(normal: Tensor, normals: Tensor | None) -> float:
+    """Return what gravity says of a floor with a normal (3,), nats: by the camera and by the surfaces of the scene."""
+    x, y, z = (float(v) for v in normal)
+    roll, pitch = math.degrees(math.atan2(x, -y)), math.degrees(math.atan2(-z, math.hypot(x, y)))
+    score = _robust(roll / _ROLL_SIGMA_DEG) + _robust(pitch / _PITCH_SIGMA_DEG)
+    estimate = None if normals is None else estimate_up(normals, normal)
+    if estimate is not None:
+        trust = min(1.0, estimate.confidence / MIN_UP_CONFIDENCE)
+        score += trust * _robust(_angle_deg(estimate.up, normal) / _UP_SIGMA_DEG)
+    return score
+
+
+def _robust(sigmas: float) -> float:
+    """Return a log likelihood, nats, which a wrong cue cannot lower without bound."""
+    return -2 * math.log1p(sigmas**2 / 4)
+
+
+def _angle_deg(first: Tensor, second: Tensor) -> float:
+    cosine = torch.nn.functional.cosine_similarity(first.double(), second.double(), dim=0)
+    return math.degrees(math.acos(min(1.0, max(-1.0, float(cosine)))))

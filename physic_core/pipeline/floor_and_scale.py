@@ -1,0 +1,330 @@
+"""Where the floor is, who stands on it, and how large everything is: asked once, before the metric depth.
+
+The three questions have one answer. Each candidate for the floor has a score by its pixels
+(:mod:`physic_core.engine.floor`), each foot a probability to stand (:mod:`physic_core.engine.stance`), and with both,
+everything of known size votes on the scale (:mod:`physic_core.engine.sizes.scale_vote`). Camera frame.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.types import Plane, SceneScale
+from physic_core.types.known_sizes import KnownPeople
+from physic_core.types.skeletons import SIDES
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from physic_core.body.model import BodyModel
+    from physic_core.engine.floor import FloorCandidate, FloorEvidence
+    from physic_core.engine.scene.method import SceneMethod
+    from physic_core.engine.sizes import ScaleVote, Witnesses
+    from physic_core.engine.stance import Stance
+    from physic_core.geometry.floor import FloorSearch
+    from physic_core.types import BoolArray, FloatArray, Hints, Keypoints, People, Pointmap
+
+RAISED_SURFACES = ("seat", "bed", "table", "cabinet", "vehicle")
+"""Surfaces that can carry a foot above the ground."""
+
+_FLOORS = ("floor", "ground", "rug")
+_NO_FLOORS = (*RAISED_SURFACES, "wall", "ceiling", "window", "vegetation", "water", "sky")
+
+# Standard deviations of the logarithm of a scale, beside those of a stature and of people's depth in the map. On ten
+# photos with measured camera heights the camera's height over the floor is off by .12 by soles, by .1 by torsos (rms).
+_SOLE_SIGMA, _FLOOR_SIGMA = 0.05, 0.06  # of one person's soles; of the floor, shared by all
+_TORSO_SIGMA, _PEOPLE_SIGMA = 0.1, 0.12  # of one torso; of people in the map, shared by all
+_TORSO_SURE, _CAMERA_SURE = 0.9, 0.9
+_LEAST_SIZE_SIGMA = 0.01  # of a person of known stature: the pose is not exact
+_LEAST_SHOWN = 0.05  # of a person, as a share of the best visible one
+_NOT_ON_PLANE_NATS = -1.2  # for each person whose soles are seen, if there is no floor that they may stand on
+_NO_CAMERA_NATS = -1.0  # if there is no floor over which the camera has a height
+_DISAGREES = 0.25  # logarithm of a scale, of people who are named in a note
+_LIMBS = ("shoulder", "hip", "knee", "ankle")
+
+
+@dataclass(frozen=True)
+class FloorAndScale:
+    """Answer for one photo with N people.
+
+    Attributes:
+        search: the floor.
+        plane: in the units of the scene; None without a floor.
+        scale: of the scene.
+        warning: that the scale is a guess, or "".
+        stance: of the N people.
+    """
+
+    search: FloorSearch
+    plane: Plane | None
+    scale: SceneScale
+    warning: str
+    stance: Stance
+
+
+def floor_evidence(people: People, hole: BoolArray, keypoints: Keypoints) -> FloorEvidence:
+    """Return what the segmenter and the feet say of the floor."""
+    from physic_core.engine.floor import FloorEvidence
+    from physic_core.geometry.tensors import optional_tensors
+
+    labels, nobody = people.surfaces, ~people.masks.any(0)
+    ground = None if labels is None else labels.mask(*_FLOORS) & nobody
+    no_ground = None if labels is None else labels.mask(*_NO_FLOORS) & nobody
+    mask, hole_, feet, floor, other = optional_tensors(
+        people.floor, hole, feet_pixels(keypoints, *hole.shape), ground, no_ground
+    )
+    others = optional_tensors(*people.floor_candidates)
+    return FloorEvidence(mask, hole_, feet, tuple(m for m in others if m is not None), floor, other)
+
+
+def feet_pixels(keypoints: Keypoints, height: int, width: int, confidence: float = 0.5) -> FloatArray:
+    """Return heels and toes inside the image with more than ``confidence``, (M, 2) px."""
+    soles = [i for i, name in enumerate(keypoints.joint_set.names) if name.endswith(("heel", "toe", "foot_tip"))]
+    points, seen = keypoints.points[:, soles], keypoints.confidence[:, soles] > confidence
+    seen &= (points >= 0).all(-1) & (points[..., 0] <= width - 1) & (points[..., 1] <= height - 1)
+    chosen: FloatArray = points[seen]
+    return chosen
+
+
+def candidates_in(scene: Pointmap, evidence: FloorEvidence, method: SceneMethod) -> tuple[FloorCandidate, ...]:
+    """Return the candidates for the floor of a relative scene; only "no floor" if the search is switched off."""
+    from physic_core.engine.floor import FloorCandidate, floor_candidates
+    from physic_core.geometry.pointmap import pointmap_normals
+    from physic_core.geometry.tensors import tensor
+
+    if method.floor == "off":
+        return (FloorCandidate(None, 0.0),)
+    points, valid = tensor(scene.points), tensor(scene.valid)
+    return floor_candidates(points, valid, evidence, pointmap_normals(points, valid))
+
+
+def plane_of(search: FloorSearch) -> Plane | None:
+    """Return the plane of a floor search as arrays."""
+    return None if search.plane is None else Plane(search.plane.normal.numpy(), float(search.plane.offset))
+
+
+def find_floor_and_scale(
+    candidates: tuple[FloorCandidate, ...],
+    evidence: FloorEvidence,
+    hints: Hints,
+    model: BodyModel,
+    known: KnownPeople,
+) -> FloorAndScale:
+    """Choose the floor, and find the scale of the scene and who stands.
+
+    Args:
+        candidates: of :func:`candidates_in`.
+        evidence: of the floor.
+        hints: with the scene, the aligned photo, the camera, and N people with their keypoints and bodies.
+        model: of the bodies.
+        known: statures and ages of the N people.
+    """
+    from physic_core.engine.floor import chosen_floor
+    from physic_core.engine.sizes import vote_on_scale
+    from physic_core.engine.stance import standing_scores
+
+    seen = _people_seen(hints, model, known)
+    planes = [_on_plane(candidate, seen) for candidate in candidates]
+    shift_sigma = seen.scene.shift_sigma if seen.scene.unknown == "inverse_scale_shift" else None
+    kinds = [(plane.soles, plane.camera) for plane in planes]
+    vote = vote_on_scale([seen.torsos], kinds, [plane.log_score for plane in planes], shift_sigma or 0.0)
+    weights = np.array([plane.log_score for plane in planes]) if vote is None else vote.weights
+    best = int(weights.argmax())
+    search, stance = chosen_floor(candidates, best, evidence), seen.stance
+    plane = plane_of(search)
+    stance = replace(stance, score=standing_scores(planes[best].by_soles, seen.by_torsos, seen.photo))
+    sized = np.isfinite(seen.torsos.scale).any() or any(np.isfinite(p.soles.scale).any() for p in planes)
+    if vote is None or not sized:
+        return FloorAndScale(search, plane, *_guessed(seen.scene, plane), stance)
+    stands = sum(w * _stands(vote, p, seen) for w, p in zip(weights.tolist(), planes, strict=True))
+    stance = replace(stance, stands=np.where(np.isfinite(stands), stands, stance.stands))
+    notes = _notes(vote, planes[best].soles, seen.torsos, stance.stands)
+    return FloorAndScale(search, plane, replace(vote.scale, notes=notes), "", stance)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """N people and what the photo shows of their sizes: sigma (N,) of each one's, depth (N,) m, feet (N, 2) bool."""
+
+    scene: Pointmap
+    photo: Pointmap
+    model: BodyModel
+    vertices: FloatArray
+    joints: Tensor
+    observed: BoolArray
+    feet: BoolArray
+    stance: Stance
+    sigma: FloatArray
+    by_torsos: FloatArray
+    torsos: Witnesses
+
+    @property
+    def depth(self) -> FloatArray:
+        return np.asarray(self.vertices[..., 2].mean(1))
+
+
+def _people_seen(hints: Hints, model: BodyModel, known: KnownPeople) -> _Seen:
+    """Return people with their torsos as witnesses, and what is known of their stance before any floor."""
+    import torch
+
+    from physic_core.body.joints import JOINT_INDEX
+    from physic_core.body.parameters import rotations_from_parameters
+    from physic_core.engine.sizes import Witnesses, scales_by_torsos
+    from physic_core.geometry.tensors import tensor
+
+    scene, photo, people, bodies, camera = hints.scene, hints.original, hints.people, hints.bodies, hints.intrinsics
+    assert scene is not None
+    assert photo is not None
+    assert people is not None
+    assert bodies is not None
+    assert camera is not None
+    p, count = bodies.parameters, len(people)
+    with torch.no_grad():
+        rotations = rotations_from_parameters(p, model.device, model.dtype)
+        posed = model(rotations, *(tensor(x).to(model.device, model.dtype) for x in (p.betas, p.transl)))
+    vertices = posed.vertices.double().cpu().numpy()
+    observed = np.ones((count, 55), bool) if bodies.observed is None else np.asarray(bodies.observed, bool)
+    feet = np.stack([observed[:, JOINT_INDEX[f"{s}_ankle"]] & observed[:, JOINT_INDEX[f"{s}_foot"]] for s in SIDES], 1)
+    sigma = _size_sigmas(hints, known)
+    farther, spread = photo.people_farther or (0.0, _TORSO_SIGMA)
+    by_torsos = scales_by_torsos(vertices, model, people.masks, photo, camera.matrix)
+    torsos = Witnesses(
+        scale=by_torsos * math.exp(farther),
+        depth=vertices[..., 2].mean(1),
+        sigma=np.hypot(np.hypot(sigma, spread), _TORSO_SIGMA),
+        sure=np.full(count, _TORSO_SURE),
+        shared_sigma=_PEOPLE_SIGMA,
+    )
+    stance = _stance_without_floor(hints, observed)
+    joints = posed.joints.cpu()
+    return _Seen(scene, photo, model, vertices, joints, observed, feet, stance, sigma, by_torsos, torsos)
+
+
+def _stance_without_floor(hints: Hints, observed: BoolArray) -> Stance:
+    """Return what keypoints and depth say of the feet of N people."""
+
+    from physic_core.body.feet_in_picture import foot_touch_probability
+    from physic_core.engine.placement.detections import ObservedPeople
+    from physic_core.engine.stance import Stance, depth_gaps_at_feet, standing_prior
+    from physic_core.geometry.tensors import optional_tensors, tensor
+
+    people, keypoints, count = hints.people, hints.keypoints, len(observed)
+    assert people is not None
+    assert keypoints is not None
+    assert hints.scene is not None
+    assert hints.original is not None
+    photo, scene = (tensor(np.where(m.valid, m.points[..., 2], np.nan)) for m in (hints.original, hints.scene))
+    (raised,) = optional_tensors(None if people.surfaces is None else people.surfaces.mask(*RAISED_SURFACES))
+    shown = (tensor(keypoints.points), tensor(keypoints.confidence), tensor(observed), tensor(people.masks))
+    detections = ObservedPeople(keypoints.joint_set, *shown)
+    gap, among = (x.numpy() for x in depth_gaps_at_feet(detections, photo, scene, raised))
+    touch = foot_touch_probability(keypoints.points, keypoints.joint_set.names)
+    on_furniture = None if raised is None else among
+    stands = standing_prior(touch, gap, on_furniture)
+    return Stance(touch, gap, on_furniture, stands, np.full(count, np.nan))
+
+
+def _size_sigmas(hints: Hints, known: KnownPeople) -> FloatArray:
+    """Return the standard deviation (N,) of the log size of each person, larger for those whom the photo shows less.
+
+    Shown are the side of the mask's area, and the confidence of shoulders, hips, knees and ankles.
+    """
+    from physic_core.engine.sizes import stature_sigmas
+
+    people, keypoints = hints.people, hints.keypoints
+    assert people is not None
+    assert keypoints is not None
+    unknown = np.full(len(people), np.nan)
+    sigma = stature_sigmas(*(unknown if x is None else x for x in (known.stature, known.years)))
+    if not len(people):
+        return sigma
+    row = {name: i for i, name in enumerate(keypoints.joint_set.names)}
+    used = [row[f"{side}_{joint}"] for side in SIDES for joint in _LIMBS if f"{side}_{joint}" in row]
+    shown = np.sqrt(np.maximum(np.asarray(people.masks).sum((1, 2)), 1)) * np.maximum(
+        keypoints.confidence[:, used].mean(1), 1e-3
+    )
+    share = np.maximum(shown / max(float(shown.max()), 1e-9), _LEAST_SHOWN)
+    return np.asarray(np.maximum(sigma, _LEAST_SIZE_SIGMA) / np.sqrt(share))
+
+
+@dataclass(frozen=True)
+class _OnPlane:
+    """A candidate for the floor: score, scales (N, 2) by the soles, and the witnesses who depend on it."""
+
+    log_score: float
+    by_soles: FloatArray
+    soles: Witnesses
+    camera: Witnesses
+
+
+def _on_plane(candidate: FloorCandidate, seen: _Seen) -> _OnPlane:
+    """Return what the feet and the camera say if the floor is a candidate."""
+    from physic_core.engine.floor import standing_score
+    from physic_core.engine.sizes import Witnesses, scales_by_soles
+    from physic_core.engine.sizes.evidence import USUAL_CAMERA_HEIGHT_M, USUAL_CAMERA_HEIGHT_SIGMA
+
+    score, height, by_soles = candidate.log_score, math.nan, np.full((len(seen.feet), 2), np.nan)
+    if candidate.plane is None:
+        score += _NO_CAMERA_NATS
+    else:
+        plane = Plane(candidate.plane.normal.numpy(), float(candidate.plane.offset))
+        by_soles, height = scales_by_soles(seen.vertices, seen.model, seen.observed, plane), plane.offset
+        score += standing_score(candidate.plane.normal, seen.joints)
+    lower = np.fmax(by_soles[:, 0], by_soles[:, 1])
+    score += _NOT_ON_PLANE_NATS * int((seen.feet.any(1) & ~np.isfinite(lower)).sum())
+    sure = 1 - (1 - np.where(seen.feet, seen.stance.stands, 0.0)).prod(1)
+    soles = Witnesses(lower, seen.depth, np.hypot(seen.sigma, _SOLE_SIGMA), sure, _FLOOR_SIGMA)
+    usual, unknown = np.array([USUAL_CAMERA_HEIGHT_M / height]), np.array([math.nan])
+    camera = Witnesses(usual, unknown, np.array([USUAL_CAMERA_HEIGHT_SIGMA]), np.array([_CAMERA_SURE]), 0.0)
+    return _OnPlane(score, by_soles, soles, camera)
+
+
+def _stands(vote: ScaleVote, plane: _OnPlane, seen: _Seen) -> FloatArray:
+    """Return the probability (N, 2) that feet stand on a plane, at the scale of the vote; 0 off it, NaN if not seen."""
+    found = np.full(seen.feet.shape, np.nan)
+    for k in range(2):
+        own = replace(plane.soles, scale=plane.by_soles[:, k])
+        found[:, k] = vote.right(replace(own, sure=seen.stance.stands[:, k]))
+    return np.where(seen.feet, np.nan_to_num(found), np.nan)
+
+
+def _guessed(scene: Pointmap, plane: Plane | None) -> tuple[SceneScale, str]:
+    """Scale a scene of unknown size to a usual one; the warning names the assumption."""
+    from physic_core.engine.sizes.evidence import USUAL_CAMERA_HEIGHT_M, USUAL_DEPTH_M
+
+    if plane is not None:
+        scale = USUAL_CAMERA_HEIGHT_M / plane.offset
+        assumed = f"the camera is assumed to be {USUAL_CAMERA_HEIGHT_M:g} m above the floor"
+    else:
+        scale = USUAL_DEPTH_M / float(np.median(scene.points[scene.valid, 2]))
+        assumed = f"the median depth is assumed to be {USUAL_DEPTH_M:g} m"
+    warning = f"the scale is unknown without a person: {assumed}; use a metric depth network to get metres"
+    return SceneScale(scale), warning
+
+
+def _notes(vote: ScaleVote, soles: Witnesses, torsos: Witnesses, stands: FloatArray) -> tuple[str, ...]:
+    """Describe who voted on the scale, and who would give another one."""
+    on_floor = np.isfinite(soles.scale) & (np.nan_to_num(stands).max(1, initial=0.0) > 0.5)
+    voters = on_floor if on_floor.any() else np.isfinite(torsos.scale)
+    notes = [
+        f"the scale is from the soles of {_count_people(voters)} on the floor"
+        if on_floor.any()
+        else f"the scale is from the body size of {_count_people(voters)}: soles on a visible floor would give it more "
+        "exactly"
+    ]
+    away = np.abs(vote.residuals(soles if on_floor.any() else torsos)) > _DISAGREES
+    if (away & voters).any():
+        notes.append(f"{_count_people(away & voters)} would give the scene another scale")
+    if on_floor.any() and (others := np.isfinite(soles.scale) & ~on_floor).any():
+        notes.append(f"the soles of {_count_people(others)} are not on the floor that was found")
+    return tuple(notes)
+
+
+def _count_people(chosen: BoolArray) -> str:
+    """Format the number of people."""
+    count = int(chosen.sum())
+    return "1 person" if count == 1 else f"{count} people"

@@ -1,0 +1,249 @@
+"""The floor, who stands on it and the scale are one answer, which evidence moves and does not switch."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from physic_core.body import JOINT_INDEX, load_body
+from physic_core.body.parameters import parameters_from_rotations
+from physic_core.engine.floor import FloorCandidate
+from physic_core.engine.scene.method import SceneMethod
+from physic_core.engine.sizes import scaled_depth
+from physic_core.geometry.floor import PlaneFit
+from physic_core.geometry.rays import RayCaster
+from physic_core.pipeline.floor_and_scale import FloorAndScale, candidates_in, find_floor_and_scale, floor_evidence
+from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People, Pointmap, SurfaceLabels
+from physic_core.types.known_sizes import KnownPeople
+
+HEIGHT, WIDTH = 180, 160
+CAMERA = Intrinsics.from_focal(150.0, WIDTH, HEIGHT)
+UNIT = 3.7
+"""Metres in one unit of the relative scene."""
+CAMERA_HEIGHT = 1.45
+ANKLES = [JOINT_INDEX[f"{s}_{j}"] for s in ("left", "right") for j in ("ankle", "foot")]
+NOBODY = KnownPeople()
+
+
+def rays() -> np.ndarray:
+    rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH]
+    return np.stack([(columns - CAMERA.cx) / CAMERA.fx, (rows - CAMERA.cy) / CAMERA.fy, np.ones_like(rows)], -1)
+
+
+def as_pointmap(depth_m: np.ndarray) -> Pointmap:
+    points = (rays() * (depth_m / UNIT)[..., None]).astype(np.float32)
+    valid = np.isfinite(depth_m)
+    return Pointmap(points, valid, "inverse_scale_shift", CAMERA, people_farther=(0.0, 0.1))
+
+
+def level_floor(height_m: float, score: float = 5.0) -> FloorCandidate:
+    nothing = torch.zeros(HEIGHT, WIDTH, dtype=torch.bool)
+    fit = PlaneFit(torch.tensor([0.0, -1.0, 0.0]), height_m / UNIT, nothing, 0.5, 0.0, "lower image")
+    return FloorCandidate(fit, score)
+
+
+NO_FLOOR = FloorCandidate(None, 1.5)
+FLOOR = (level_floor(CAMERA_HEIGHT), NO_FLOOR)
+
+
+class World:
+    """People who stand on a level floor before a wall at 8 m, seen by a level camera; the last one may be lifted."""
+
+    def __init__(self, places: list[tuple[float, float]], lifted: float = 0.0) -> None:
+        model = load_body("embedded")
+        rotations, betas, _ = model.zero_pose(len(places))
+        rotations[:, 0] = torch.diag(torch.tensor([1.0, -1.0, -1.0]))
+        still = model(rotations, betas, torch.zeros(len(places), 3))
+        transl = torch.tensor([[x, 0.0, z] for x, z in places])
+        transl[:, 1] = CAMERA_HEIGHT - still.vertices[..., 1].amax(1)
+        transl[-1, 1] -= lifted
+        vertices = model(rotations, betas, transl).vertices.double().numpy()
+        with np.errstate(divide="ignore"):
+            floor = np.where(rays()[..., 1] > 0, CAMERA_HEIGHT / rays()[..., 1], np.inf)
+        self.depth = np.minimum(floor, 8.0)
+        original, masks = self.depth.copy(), []
+        for body in vertices:
+            hits = RayCaster(body, model.faces.numpy()).first(np.zeros(3), rays().reshape(-1, 3).astype(float))
+            masks.append((hits.face >= 0).reshape(HEIGHT, WIDTH))
+            original[masks[-1]] = hits.distance.reshape(HEIGHT, WIDTH)[masks[-1]]
+        count = len(masks)
+        people = People(np.array(masks), np.zeros((count, 4)), np.ones(count))
+        bodies = Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded")
+        keypoints = Keypoints(np.zeros((count, 17, 2), np.float32), np.zeros((count, 17), np.float32), "coco17")
+        scene, photo = as_pointmap(self.depth), as_pointmap(original)
+        self.hints = Hints(CAMERA, people, keypoints, None, scene, photo, None, None, bodies)
+
+    def answer(self, candidates=FLOOR, known: KnownPeople = NOBODY, **changed) -> FloorAndScale:
+        hints = replace(self.hints, **changed)
+        evidence = floor_evidence(hints.people, np.zeros((HEIGHT, WIDTH), bool), hints.keypoints)
+        return find_floor_and_scale(candidates, evidence, hints, load_body("embedded"), known)
+
+    def without_feet(self, *people: int) -> Bodies:
+        observed = np.ones((len(self.hints.people), 55), bool)
+        observed[np.ix_(people, ANKLES)] = False
+        return replace(self.hints.bodies, observed=observed)
+
+    def moved(self, person: int, factor: float) -> Bodies:
+        """The feet of one person this many times as far away, at the same pixels."""
+        places = self.hints.bodies.parameters.transl.copy()
+        feet = np.array([places[person, 0], CAMERA_HEIGHT, places[person, 2]])
+        places[person] += (factor - 1) * feet
+        return replace(self.hints.bodies, parameters=replace(self.hints.bodies.parameters, transl=places))
+
+    def error(self, found: FloorAndScale) -> float:
+        """Logarithm of the depth by an answer over the true one."""
+        depth = scaled_depth(self.hints.scene, found.scale, CAMERA).depth
+        return float(np.log(np.nanmedian(depth / self.depth)))
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return World([(-0.6, 3.0), (0.7, 3.8)])
+
+
+def test_soles_on_the_floor_give_the_scale(world):
+    found = world.answer()
+    assert world.error(found) == pytest.approx(0, abs=0.02)
+    assert found.scale.sigma == pytest.approx(0.08, abs=0.02)
+    assert "soles of 2 people" in found.scale.notes[0]
+    assert found.search.reason == "found"
+    assert (found.stance.stands > 0.8).all()
+    assert not found.warning
+
+
+def test_torsos_give_the_scale_where_no_foot_is_seen_and_are_less_certain(world):
+    found = world.answer(bodies=world.without_feet(0, 1))
+    assert world.error(found) == pytest.approx(0, abs=0.04)
+    assert 0.1 < found.scale.sigma < 0.25
+    assert "body size of 2 people" in found.scale.notes[0]
+
+
+def test_a_lifted_person_does_not_stand_and_hardly_moves_the_scale():
+    world = World([(-0.6, 3.0), (0.7, 3.0)], lifted=0.6)
+    found = world.answer()
+    assert world.error(found) == pytest.approx(0, abs=0.08)
+    assert found.stance.stands[0].min() > 0.8
+    assert found.stance.stands[1].max() < 0.2
+    assert found.stance.score[1] < -3
+
+
+@pytest.mark.parametrize(("lifted", "expected"), [(0.0, 0.0), (0.35, np.log(0.76) / 0.1), (-0.35, np.log(1.24) / 0.1)])
+def test_the_score_is_the_height_of_the_feet_over_the_floor_as_a_share_of_the_cameras(lifted, expected):
+    found = World([(0.0, 3.0)], lifted).answer()
+    assert found.stance.score == pytest.approx([expected], abs=0.15)
+
+
+@pytest.mark.parametrize("unknown", ["bias", "feet", "pixels", "places", "depth"])
+def test_without_torso_feet_or_their_bias_there_is_no_score(world, unknown):
+    people, bodies, photo = world.hints.people, world.hints.bodies, world.hints.original
+    lost = replace(bodies.parameters, transl=bodies.parameters.transl * np.nan)
+    changes = {
+        "bias": {"original": replace(photo, people_farther=None)},
+        "feet": {"bodies": world.without_feet(0, 1)},
+        "pixels": {"people": replace(people, masks=people.masks & False)},
+        "places": {"bodies": replace(bodies, parameters=lost)},
+        "depth": {"original": replace(photo, points=np.where(people.masks.any(0)[..., None], np.inf, photo.points))},
+    }
+    assert np.isnan(world.answer(**changes[unknown]).stance.score).all()
+
+
+def test_the_plane_on_which_somebody_stands_is_the_floor(world):
+    """A table of as many pixels would make these people giants."""
+    table = level_floor(0.6)
+    for order in ((table, *FLOOR), (FLOOR[0], table, NO_FLOOR)):
+        found = world.answer(order)
+        assert found.plane.offset == pytest.approx(CAMERA_HEIGHT / UNIT, rel=1e-4)
+        assert world.error(found) == pytest.approx(0, abs=0.06)
+
+
+def test_two_planes_that_tie_give_the_scale_between_them_and_a_larger_sigma(world):
+    near, far = level_floor(CAMERA_HEIGHT / 1.15), level_floor(CAMERA_HEIGHT * 1.15)
+    alone = [world.answer((one, NO_FLOOR)) for one in (near, far)]
+    both = world.answer((near, far, NO_FLOOR))
+    logs = sorted(math.log(one.scale.scale) for one in alone)
+    assert logs[0] < math.log(both.scale.scale) < logs[1]
+    assert both.scale.sigma > max(one.scale.sigma for one in alone)
+
+
+@pytest.mark.parametrize("step", [0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
+def test_no_evidence_near_a_limit_switches_the_scale(step):
+    world = World([(-0.6, 2.5), (0.7, 2.8)])
+    scales = [math.log(world.answer(bodies=world.moved(1, 1.4 + step + more)).scale.scale) for more in (0, 0.02)]
+    assert abs(scales[1] - scales[0]) < 0.02
+
+
+def test_a_small_person_hardly_moves_the_scale_of_two_large_ones():
+    world = World([(-0.6, 2.5), (0.7, 2.8), (0.3, 7.5)])
+    found = world.answer(bodies=world.moved(2, 1.8))
+    assert world.error(found) == pytest.approx(0, abs=0.5 * found.scale.sigma)
+
+
+def test_people_who_contradict_each_other_make_the_scale_unsure():
+    world = World([(-0.6, 2.5), (0.7, 3.0)])
+    agree, contradict = world.answer(), world.answer(bodies=world.moved(1, 1.8))
+    assert contradict.scale.sigma > 1.5 * agree.scale.sigma
+    assert any("another scale" in note or "not on the floor" in note for note in contradict.scale.notes)
+
+
+def test_a_known_stature_is_a_surer_witness(world):
+    known = KnownPeople(stature=np.array([1.7, np.nan]))
+    assert world.answer(known=known).scale.sigma < world.answer().scale.sigma
+
+
+def test_people_at_several_depths_show_the_shift_of_the_inverse_depth():
+    world = World([(-0.6, 2.5), (0.7, 4.0), (0.3, 7.5)])
+    shift = 0.2
+    shifted = 1 / (1 / world.depth + shift / UNIT)  # 1 / Z' = UNIT / Z + shift
+    plane = np.array([0.0, UNIT / CAMERA_HEIGHT, shift])
+    length = float(np.linalg.norm(plane))
+    normal = torch.from_numpy((-plane / length).astype(np.float32))
+    floor = replace(FLOOR[0], plane=replace(FLOOR[0].plane, normal=normal, offset=1 / length))
+    original = world.hints.original.points[..., 2] * UNIT
+    photo = as_pointmap(1 / (1 / original + shift / UNIT))
+    scene = replace(as_pointmap(shifted), shift_sigma=0.3)
+    found = world.answer((floor, NO_FLOOR), scene=scene, original=photo)
+    ratio = scaled_depth(scene, found.scale, CAMERA).depth / world.depth
+    assert np.nanquantile(ratio, [0.02, 0.98]) == pytest.approx([1, 1], abs=0.1)
+    certain = world.answer((floor, NO_FLOOR), scene=as_pointmap(shifted), original=photo)
+    assert certain.scale.shift == 0
+
+
+def test_without_people_the_scale_is_a_guess_that_names_its_assumption(world):
+    nobody = People(np.zeros((0, HEIGHT, WIDTH), bool), np.zeros((0, 4)), np.zeros(0))
+    bodies = replace(world.hints.bodies, parameters=world.hints.bodies.parameters[0:0])
+    keypoints = Keypoints(np.zeros((0, 17, 2), np.float32), np.zeros((0, 17), np.float32), "coco17")
+    found = world.answer(people=nobody, bodies=bodies, keypoints=keypoints)
+    assert found.scale.sigma is None
+    assert "1.45 m above the floor" in found.warning
+    assert "3 m" in world.answer((NO_FLOOR,), people=nobody, bodies=bodies, keypoints=keypoints).warning
+
+
+def labelled(world: World, floor: np.ndarray | None, *others: np.ndarray) -> People:
+    ground = np.zeros((HEIGHT, WIDTH), np.uint8)
+    ground[120:] = 1
+    surfaces = SurfaceLabels(ground, ("unknown", "floor"))
+    return replace(world.hints.people, floor=floor, surfaces=surfaces, floor_candidates=others)
+
+
+def test_masks_labels_and_other_masks_are_candidates(world):
+    rows = np.zeros((HEIGHT, WIDTH), bool)
+    rows[100:] = True
+    hole = world.hints.people.masks.any(0)
+    people = labelled(world, rows, rows)
+    candidates = candidates_in(world.hints.scene, floor_evidence(people, hole, world.hints.keypoints), SceneMethod())
+    sources = [c.plane.source for c in candidates if c.plane is not None]
+    assert sources[:4] == ["floor mask", "floor mask", "labels", "lower image"]
+    assert len(sources) <= 6
+    assert candidates[-1].plane is None
+    best = max(candidates, key=lambda c: c.log_score)
+    assert best.plane.offset == pytest.approx(CAMERA_HEIGHT / UNIT, rel=0.02)
+
+
+def test_a_floor_that_is_switched_off_has_no_plane(world):
+    evidence = floor_evidence(labelled(world, None), np.zeros((HEIGHT, WIDTH), bool), world.hints.keypoints)
+    (only,) = candidates_in(world.hints.scene, evidence, SceneMethod(floor="off"))
+    assert only.plane is None
