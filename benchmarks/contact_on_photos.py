@@ -167,7 +167,7 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
                     "parts": own,
                     "keypoints": np.asarray(e.keypoints.points[i], np.float64).tolist(),
                     "names": list(e.keypoints.joint_set.names),
-                    "standing": float(e.standing[i]) if e.standing is not None else float("nan"),
+                    "standing": float(e.stance.score[i]),
                     "farther": list(e.scene.people_farther or ()),
                 }
             )

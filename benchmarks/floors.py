@@ -57,12 +57,8 @@ def rooms(count: int, seed: int) -> Iterator[Any]:
 
 
 def kind_of(record: dict[str, Any]) -> str:
-    """Return whether a floor is right, off, wrong, or was refused, and then whether it was right before."""
-    if record["angle_deg"] is None:
-        return f"none: {record['reason']}" + (
-            "" if record["refused_deg"] is None else f", {_grade(record['refused_deg'])}"
-        )
-    return _grade(record["angle_deg"])
+    """Return whether a floor is right, off or wrong, or why there is none."""
+    return f"none: {record['reason']}" if record["angle_deg"] is None else _grade(record["angle_deg"])
 
 
 def _grade(angle: float) -> str:
@@ -87,7 +83,7 @@ def _setup() -> tuple[Any, Any]:
 
 
 def floor_record(case: Any, evidence: Path | None) -> dict[str, Any]:
-    """Return the floor of one room after stage 2, and the one that stage 2 refused, against the true one."""
+    """Return the floor of one room after stage 2 against the true one."""
     from physic_bench.worlds.world_evidence import estimate_evidence
     from physic_core.errors import PhysicError
     from physic_core.pipeline import optimise
@@ -96,7 +92,7 @@ def floor_record(case: Any, evidence: Path | None) -> dict[str, Any]:
 
     plan, model = _setup()
     world = build_world(case.name, case.seed, case.size)
-    record: dict[str, Any] = {"title": case.title, "angle_deg": None, "refused_deg": None, "reason": "found"}
+    record: dict[str, Any] = {"title": case.title, "angle_deg": None, "reason": "found"}
     try:
         estimates = estimate_evidence(case, world, plan, model, evidence)
     except PhysicError as error:
@@ -105,13 +101,11 @@ def floor_record(case: Any, evidence: Path | None) -> dict[str, Any]:
         try:
             optimise.run_engine(estimates, plan.engine, model, StageRunner("cpu", 4))
         except _SolvedError:
-            first, scene = (stopped.call_args.args[i].scene for i in (0, 1))
+            scene = stopped.call_args.args[1].scene
     truth = world.floor.normal
     record["reason"] = scene.diagnostics["floor"]["reason"]
     if scene.floor_normal is not None:
         record["angle_deg"] = _angle(scene.floor_normal, truth)
-    elif first.floor_normal is not None:
-        record["refused_deg"] = _angle(first.floor_normal, truth)
     return record
 
 

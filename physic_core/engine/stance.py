@@ -25,7 +25,7 @@ from physic_core.types.skeletons import SIDES
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.types import BoolArray, FloatArray, Pointmap
+    from physic_core.types import BoolArray, FloatArray
 
 MIN_FOOT_GAP = 0.1
 """Minimum gap of a lifted foot; feet on the ground have at most 0.08 in photos."""
@@ -59,7 +59,9 @@ class Stance(ShortRepr):
         gap: (N, 2) logarithm of the depth behind the foot by its own, NaN where unknown.
         on_furniture: (N, 2) bool, feet among surfaces that can carry a foot above the ground; None without labels.
         stands: (N, 2) probability that the foot stands on the floor, which is not the photo's without one.
-        score: (N,) standard deviations from standing on the floor, see :func:`standing_scores`; NaN where unknown.
+        score: (N,) standard deviations from standing on the floor: about 0 for people who stand, negative for feet in
+            the air. Their rays meet the floor farther away, so that the scale by the soles is less than by the torso.
+            NaN where soles or torso are not visible, or the point map does not state ``people_farther``.
     """
 
     touch: FloatArray
@@ -92,24 +94,6 @@ def standing_prior(touch: FloatArray, gap: FloatArray, on_furniture: BoolArray |
     known = np.isfinite(gap) & ~np.asarray(False if on_furniture is None else on_furniture)
     odds = np.where(known, np.nan_to_num(odds), 0.0) + np.log(probability / (1 - probability))
     return np.asarray(1 / (1 + np.exp(-odds)))
-
-
-def standing_scores(by_soles: FloatArray, by_torsos: FloatArray, photo: Pointmap) -> FloatArray:
-    """Return how far each person's feet are from standing on the floor, (N,) in standard deviations.
-
-    About 0 for people who stand on it, clearly negative for people whose feet are over it: the rays of lifted feet meet
-    the floor farther away, so that the scale by the soles is too small. NaN where soles or torso are not visible, and
-    for all people if the point map does not state ``people_farther``.
-
-    Args:
-        by_soles: (N, 2) of :func:`physic_core.engine.sizes.scales_by_soles`.
-        by_torsos: (N,) of :func:`physic_core.engine.sizes.scales_by_torsos`.
-        photo: point map of the photo with its people.
-    """
-    if photo.people_farther is None:
-        return np.full(len(by_torsos), np.nan)
-    mean, sigma = photo.people_farther
-    return np.asarray((np.log(np.fmax(by_soles[:, 0], by_soles[:, 1]) / by_torsos) - mean) / sigma)
 
 
 def find_lifted_feet(stance: Stance, held: Tensor, camera_height_m: float) -> Tensor | None:

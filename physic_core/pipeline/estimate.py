@@ -26,7 +26,13 @@ from physic_core.interfaces import (
 )
 from physic_core.interfaces.body_estimator import valid_body_rows
 from physic_core.pipeline.conversion import bodies_for_backends, convert_to_configured, replace_hands, transfer_contact
-from physic_core.pipeline.floor_and_scale import candidates_in, find_floor_and_scale, floor_evidence, plane_of
+from physic_core.pipeline.floor_and_scale import (
+    PeopleInScene,
+    candidates_in,
+    find_floor_and_scale,
+    floor_evidence,
+    plane_of,
+)
 from physic_core.pipeline.held_objects import select_held_objects
 from physic_core.pipeline.invalid_results import (
     discard_invalid_bodies,
@@ -170,7 +176,10 @@ def run_backends(
     seen_keypoints = select_people(keypoints, embodied)
     hints = replace(hints, people=seen, keypoints=seen_keypoints, hole=hole, bodies=seen_bodies)
     with stages.time_engine("floor and scale"):
-        found = find_floor_and_scale(maps.floors, maps.evidence, hints, run.model, known.select(embodied))
+        given_people = PeopleInScene(
+            scene, maps.aligned, camera, seen, seen_keypoints, select_people(bodies, embodied), known.select(embodied)
+        )
+        found = find_floor_and_scale(maps.floors, maps.evidence, given_people, run.model)
     hints = replace(hints, floor=found.plane, scale=found.scale)
     depth, guessed = run.metric_depth(MetricDepthRequest(inpainted, hints))
     stages.note(*depth.notes)
@@ -215,6 +224,7 @@ class _Pointmaps:
     Attributes:
         scene: of the inpainted photo.
         original: of the photo.
+        aligned: the same in the unit of the scene.
         camera: of both.
         evidence: of the floor.
         floors: candidates for the floor of the scene, in its own scale.
@@ -223,6 +233,7 @@ class _Pointmaps:
 
     scene: Pointmap
     original: Pointmap
+    aligned: Pointmap
     camera: Intrinsics
     evidence: FloorEvidence
     floors: tuple[FloorCandidate, ...]
@@ -261,7 +272,7 @@ def _pointmaps(
         floors = candidates_in(scene, evidence, engine.scene)
         first = plane_of(chosen_floor(floors, best_candidate(floors), evidence))
         aligned = _aligned(original, scene, hole, engine) if hole.any() else scene
-    return _Pointmaps(scene, original, camera, evidence, floors, replace(hints, floor=first, original=aligned))
+    return _Pointmaps(scene, original, aligned, camera, evidence, floors, replace(hints, floor=first, original=aligned))
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from physic_core.engine.sizes import ScaleVote, Witnesses
     from physic_core.engine.stance import Stance
     from physic_core.geometry.floor import FloorSearch
-    from physic_core.types import BoolArray, FloatArray, Hints, Keypoints, People, Pointmap
+    from physic_core.types import Bodies, BoolArray, FloatArray, Intrinsics, Keypoints, People, Pointmap
 
 RAISED_SURFACES = ("seat", "bed", "table", "cabinet", "vehicle")
 """Surfaces that can carry a foot above the ground."""
@@ -43,6 +43,7 @@ _LEAST_SIZE_SIGMA = 0.01  # of a person of known stature: the pose is not exact
 _LEAST_SHOWN = 0.05  # of a person, as a share of the best visible one
 _NOT_ON_PLANE_NATS = -1.2  # for each person whose soles are seen, if there is no floor that they may stand on
 _NO_CAMERA_NATS = -1.0  # if there is no floor over which the camera has a height
+_STANDS = 0.5  # probability, of feet that are named in a note
 _DISAGREES = 0.25  # logarithm of a scale, of people who are named in a note
 _LIMBS = ("shoulder", "hip", "knee", "ankle")
 
@@ -107,51 +108,54 @@ def plane_of(search: FloorSearch) -> Plane | None:
     return None if search.plane is None else Plane(search.plane.normal.numpy(), float(search.plane.offset))
 
 
+class PeopleInScene(NamedTuple):
+    """N people with their bodies, and point maps in one relative unit: of the scene, and of the photo with people."""
+
+    scene: Pointmap
+    photo: Pointmap
+    camera: Intrinsics
+    people: People
+    keypoints: Keypoints
+    bodies: Bodies
+    known: KnownPeople
+
+
 def find_floor_and_scale(
-    candidates: tuple[FloorCandidate, ...],
-    evidence: FloorEvidence,
-    hints: Hints,
-    model: BodyModel,
-    known: KnownPeople,
+    candidates: tuple[FloorCandidate, ...], evidence: FloorEvidence, given: PeopleInScene, model: BodyModel
 ) -> FloorAndScale:
     """Choose the floor, and find the scale of the scene and who stands.
 
     Args:
         candidates: of :func:`candidates_in`.
         evidence: of the floor.
-        hints: with the scene, the aligned photo, the camera, and N people with their keypoints and bodies.
+        given: of the same photo.
         model: of the bodies.
-        known: statures and ages of the N people.
     """
     from physic_core.engine.floor import chosen_floor
     from physic_core.engine.sizes import vote_on_scale
-    from physic_core.engine.stance import standing_scores
 
-    seen = _people_seen(hints, model, known)
+    seen, scene = _people_seen(given, model), given.scene
     planes = [_on_plane(candidate, seen) for candidate in candidates]
-    shift_sigma = seen.scene.shift_sigma if seen.scene.unknown == "inverse_scale_shift" else None
-    kinds = [(plane.soles, plane.camera) for plane in planes]
-    vote = vote_on_scale([seen.torsos], kinds, [plane.log_score for plane in planes], shift_sigma or 0.0)
-    weights = np.array([plane.log_score for plane in planes]) if vote is None else vote.weights
-    best = int(weights.argmax())
-    search, stance = chosen_floor(candidates, best, evidence), seen.stance
+    scores, kinds = [p.log_score for p in planes], [(p.soles, p.camera) for p in planes]
+    shift_sigma = scene.shift_sigma if scene.unknown == "inverse_scale_shift" else None
+    vote = vote_on_scale([seen.torsos], kinds, scores, shift_sigma or 0.0)
+    best = int(np.argmax(scores if vote is None else vote.weights))
+    search, soles = chosen_floor(candidates, best, evidence), planes[best].soles
     plane = plane_of(search)
-    stance = replace(stance, score=standing_scores(planes[best].by_soles, seen.by_torsos, seen.photo))
-    sized = np.isfinite(seen.torsos.scale).any() or any(np.isfinite(p.soles.scale).any() for p in planes)
+    spread = math.nan if given.photo.people_farther is None else given.photo.people_farther[1]
+    stance = replace(seen.stance, score=np.log(soles.scale / seen.torsos.scale) / spread)
+    sized = np.isfinite([seen.torsos.scale, *(p.soles.scale for p in planes)]).any()
     if vote is None or not sized:
-        return FloorAndScale(search, plane, *_guessed(seen.scene, plane), stance)
-    stands = sum(w * _stands(vote, p, seen) for w, p in zip(weights.tolist(), planes, strict=True))
-    stance = replace(stance, stands=np.where(np.isfinite(stands), stands, stance.stands))
-    notes = _notes(vote, planes[best].soles, seen.torsos, stance.stands)
+        return FloorAndScale(search, plane, *_guessed(scene, plane), stance)
+    stands = sum(w * _stands(vote, p, seen) for w, p in zip(vote.weights.tolist(), planes, strict=True))
+    stance = replace(stance, stands=np.where(seen.feet, stands, stance.stands))
+    notes = _notes(vote, soles, seen.torsos, seen.feet & (stance.stands > _STANDS))
     return FloorAndScale(search, plane, replace(vote.scale, notes=notes), "", stance)
 
 
-@dataclass(frozen=True)
-class _Seen:
-    """N people and what the photo shows of their sizes: sigma (N,) of each one's, depth (N,) m, feet (N, 2) bool."""
+class _Seen(NamedTuple):
+    """N people and what the photo shows of their sizes: sigma (N,) of each one's, and visible feet (N, 2) bool."""
 
-    scene: Pointmap
-    photo: Pointmap
     model: BodyModel
     vertices: FloatArray
     joints: Tensor
@@ -159,15 +163,10 @@ class _Seen:
     feet: BoolArray
     stance: Stance
     sigma: FloatArray
-    by_torsos: FloatArray
     torsos: Witnesses
 
-    @property
-    def depth(self) -> FloatArray:
-        return np.asarray(self.vertices[..., 2].mean(1))
 
-
-def _people_seen(hints: Hints, model: BodyModel, known: KnownPeople) -> _Seen:
+def _people_seen(given: PeopleInScene, model: BodyModel) -> _Seen:
     """Return people with their torsos as witnesses, and what is known of their stance before any floor."""
     import torch
 
@@ -176,22 +175,16 @@ def _people_seen(hints: Hints, model: BodyModel, known: KnownPeople) -> _Seen:
     from physic_core.engine.sizes import Witnesses, scales_by_torsos
     from physic_core.geometry.tensors import tensor
 
-    scene, photo, people, bodies, camera = hints.scene, hints.original, hints.people, hints.bodies, hints.intrinsics
-    assert scene is not None
-    assert photo is not None
-    assert people is not None
-    assert bodies is not None
-    assert camera is not None
-    p, count = bodies.parameters, len(people)
+    p, count = given.bodies.parameters, len(given.people)
     with torch.no_grad():
         rotations = rotations_from_parameters(p, model.device, model.dtype)
         posed = model(rotations, *(tensor(x).to(model.device, model.dtype) for x in (p.betas, p.transl)))
     vertices = posed.vertices.double().cpu().numpy()
-    observed = np.ones((count, 55), bool) if bodies.observed is None else np.asarray(bodies.observed, bool)
-    feet = np.stack([observed[:, JOINT_INDEX[f"{s}_ankle"]] & observed[:, JOINT_INDEX[f"{s}_foot"]] for s in SIDES], 1)
-    sigma = _size_sigmas(hints, known)
-    farther, spread = photo.people_farther or (0.0, _TORSO_SIGMA)
-    by_torsos = scales_by_torsos(vertices, model, people.masks, photo, camera.matrix)
+    observed = np.ones((count, 55), bool) if given.bodies.observed is None else np.asarray(given.bodies.observed, bool)
+    feet = np.stack([observed[:, [JOINT_INDEX[f"{s}_{j}"] for j in ("ankle", "foot")]].all(1) for s in SIDES], 1)
+    sigma = _size_sigmas(given)
+    farther, spread = given.photo.people_farther or (0.0, _TORSO_SIGMA)
+    by_torsos = scales_by_torsos(vertices, model, given.people.masks, given.photo, given.camera.matrix)
     torsos = Witnesses(
         scale=by_torsos * math.exp(farther),
         depth=vertices[..., 2].mean(1),
@@ -199,60 +192,47 @@ def _people_seen(hints: Hints, model: BodyModel, known: KnownPeople) -> _Seen:
         sure=np.full(count, _TORSO_SURE),
         shared_sigma=_PEOPLE_SIGMA,
     )
-    stance = _stance_without_floor(hints, observed)
-    joints = posed.joints.cpu()
-    return _Seen(scene, photo, model, vertices, joints, observed, feet, stance, sigma, by_torsos, torsos)
+    stance = _stance_without_floor(given, observed)
+    return _Seen(model, vertices, posed.joints.cpu(), observed, feet, stance, sigma, torsos)
 
 
-def _stance_without_floor(hints: Hints, observed: BoolArray) -> Stance:
+def _stance_without_floor(given: PeopleInScene, observed: BoolArray) -> Stance:
     """Return what keypoints and depth say of the feet of N people."""
-
     from physic_core.body.feet_in_picture import foot_touch_probability
     from physic_core.engine.placement.detections import ObservedPeople
     from physic_core.engine.stance import Stance, depth_gaps_at_feet, standing_prior
     from physic_core.geometry.tensors import optional_tensors, tensor
 
-    people, keypoints, count = hints.people, hints.keypoints, len(observed)
-    assert people is not None
-    assert keypoints is not None
-    assert hints.scene is not None
-    assert hints.original is not None
-    photo, scene = (tensor(np.where(m.valid, m.points[..., 2], np.nan)) for m in (hints.original, hints.scene))
+    people, keypoints = given.people, given.keypoints
+    photo, scene = (tensor(np.where(m.valid, m.points[..., 2], np.nan)) for m in (given.photo, given.scene))
     (raised,) = optional_tensors(None if people.surfaces is None else people.surfaces.mask(*RAISED_SURFACES))
     shown = (tensor(keypoints.points), tensor(keypoints.confidence), tensor(observed), tensor(people.masks))
-    detections = ObservedPeople(keypoints.joint_set, *shown)
-    gap, among = (x.numpy() for x in depth_gaps_at_feet(detections, photo, scene, raised))
+    gap, among = depth_gaps_at_feet(ObservedPeople(keypoints.joint_set, *shown), photo, scene, raised)
     touch = foot_touch_probability(keypoints.points, keypoints.joint_set.names)
-    on_furniture = None if raised is None else among
-    stands = standing_prior(touch, gap, on_furniture)
-    return Stance(touch, gap, on_furniture, stands, np.full(count, np.nan))
+    on_furniture = None if raised is None else among.numpy()
+    stands = standing_prior(touch, gap.numpy(), on_furniture)
+    return Stance(touch, gap.numpy(), on_furniture, stands, np.full(len(people), np.nan))
 
 
-def _size_sigmas(hints: Hints, known: KnownPeople) -> FloatArray:
+def _size_sigmas(given: PeopleInScene) -> FloatArray:
     """Return the standard deviation (N,) of the log size of each person, larger for those whom the photo shows less.
 
     Shown are the side of the mask's area, and the confidence of shoulders, hips, knees and ankles.
     """
     from physic_core.engine.sizes import stature_sigmas
 
-    people, keypoints = hints.people, hints.keypoints
-    assert people is not None
-    assert keypoints is not None
-    unknown = np.full(len(people), np.nan)
+    keypoints, known = given.keypoints, given.known
+    unknown = np.full(len(given.people), np.nan)
     sigma = stature_sigmas(*(unknown if x is None else x for x in (known.stature, known.years)))
-    if not len(people):
-        return sigma
     row = {name: i for i, name in enumerate(keypoints.joint_set.names)}
     used = [row[f"{side}_{joint}"] for side in SIDES for joint in _LIMBS if f"{side}_{joint}" in row]
-    shown = np.sqrt(np.maximum(np.asarray(people.masks).sum((1, 2)), 1)) * np.maximum(
-        keypoints.confidence[:, used].mean(1), 1e-3
-    )
-    share = np.maximum(shown / max(float(shown.max()), 1e-9), _LEAST_SHOWN)
+    confidence = np.maximum(keypoints.confidence[:, used].mean(1), 1e-3) if used else 1.0
+    shown = np.sqrt(np.maximum(np.asarray(given.people.masks).sum((1, 2)), 1)) * confidence
+    share = np.maximum(shown / shown.max(initial=1e-9), _LEAST_SHOWN)
     return np.asarray(np.maximum(sigma, _LEAST_SIZE_SIGMA) / np.sqrt(share))
 
 
-@dataclass(frozen=True)
-class _OnPlane:
+class _OnPlane(NamedTuple):
     """A candidate for the floor: score, scales (N, 2) by the soles, and the witnesses who depend on it."""
 
     log_score: float
@@ -277,19 +257,17 @@ def _on_plane(candidate: FloorCandidate, seen: _Seen) -> _OnPlane:
     lower = np.fmax(by_soles[:, 0], by_soles[:, 1])
     score += _NOT_ON_PLANE_NATS * int((seen.feet.any(1) & ~np.isfinite(lower)).sum())
     sure = 1 - (1 - np.where(seen.feet, seen.stance.stands, 0.0)).prod(1)
-    soles = Witnesses(lower, seen.depth, np.hypot(seen.sigma, _SOLE_SIGMA), sure, _FLOOR_SIGMA)
+    soles = Witnesses(lower, seen.torsos.depth, np.hypot(seen.sigma, _SOLE_SIGMA), sure, _FLOOR_SIGMA)
     usual, unknown = np.array([USUAL_CAMERA_HEIGHT_M / height]), np.array([math.nan])
     camera = Witnesses(usual, unknown, np.array([USUAL_CAMERA_HEIGHT_SIGMA]), np.array([_CAMERA_SURE]), 0.0)
     return _OnPlane(score, by_soles, soles, camera)
 
 
 def _stands(vote: ScaleVote, plane: _OnPlane, seen: _Seen) -> FloatArray:
-    """Return the probability (N, 2) that feet stand on a plane, at the scale of the vote; 0 off it, NaN if not seen."""
-    found = np.full(seen.feet.shape, np.nan)
-    for k in range(2):
-        own = replace(plane.soles, scale=plane.by_soles[:, k])
-        found[:, k] = vote.right(replace(own, sure=seen.stance.stands[:, k]))
-    return np.where(seen.feet, np.nan_to_num(found), np.nan)
+    """Return the probability (N, 2) that feet stand on a plane, at the scale of the vote; 0 off it."""
+    feet = zip(plane.by_soles.T, seen.stance.stands.T, strict=True)
+    found = [vote.right(replace(plane.soles, scale=scale, sure=sure)) for scale, sure in feet]
+    return np.nan_to_num(np.stack(found, 1))
 
 
 def _guessed(scene: Pointmap, plane: Plane | None) -> tuple[SceneScale, str]:
@@ -306,22 +284,16 @@ def _guessed(scene: Pointmap, plane: Plane | None) -> tuple[SceneScale, str]:
     return SceneScale(scale), warning
 
 
-def _notes(vote: ScaleVote, soles: Witnesses, torsos: Witnesses, stands: FloatArray) -> tuple[str, ...]:
-    """Describe who voted on the scale, and who would give another one."""
-    on_floor = np.isfinite(soles.scale) & (np.nan_to_num(stands).max(1, initial=0.0) > 0.5)
-    voters = on_floor if on_floor.any() else np.isfinite(torsos.scale)
+def _notes(vote: ScaleVote, soles: Witnesses, torsos: Witnesses, stands: BoolArray) -> tuple[str, ...]:
+    """Describe who voted on the scale, and who would give another one, if feet (N, 2) stand."""
+    on_floor = np.isfinite(soles.scale) & stands.any(1)
+    kind, voters = (soles, on_floor) if on_floor.any() else (torsos, np.isfinite(torsos.scale))
+    by_torsos = f"body size of {_count_people(voters)}: soles on a visible floor would give it more exactly"
     notes = [
-        f"the scale is from the soles of {_count_people(voters)} on the floor"
-        if on_floor.any()
-        else f"the scale is from the body size of {_count_people(voters)}: soles on a visible floor would give it more "
-        "exactly"
+        f"the scale is from the {f'soles of {_count_people(voters)} on the floor' if on_floor.any() else by_torsos}"
     ]
-    away = np.abs(vote.residuals(soles if on_floor.any() else torsos)) > _DISAGREES
-    if (away & voters).any():
-        notes.append(f"{_count_people(away & voters)} would give the scene another scale")
-    if on_floor.any() and (others := np.isfinite(soles.scale) & ~on_floor).any():
-        notes.append(f"the soles of {_count_people(others)} are not on the floor that was found")
-    return tuple(notes)
+    others = np.isfinite(kind.scale) & (~voters | (np.abs(vote.residuals(kind)) > _DISAGREES))
+    return (*notes, f"{_count_people(others)} would give the scene another scale") if others.any() else tuple(notes)
 
 
 def _count_people(chosen: BoolArray) -> str:

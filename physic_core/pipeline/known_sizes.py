@@ -42,20 +42,13 @@ def check_placed_people(
         Warnings of people of unknown stature who would be impossibly tall or small.
 
     Raises:
-        ConfigError: the photo contradicts a known stature or the camera height, or most people of unknown stature would
-            be impossibly tall or small, by more than three standard errors.
+        ConfigError: the photo contradicts a known stature, or most people of unknown stature would be impossibly tall
+            or small, by more than three standard errors.
     """
-    warnings = []
-    if placed.size_ratio is not None:
-        estimated = bodies.model.stature(bodies.betas)
-        warnings = _check_statures(known.geometry, estimates.statures, estimated, placed.size_ratio)
-    height = known.geometry.camera_height
-    if placed.rejected_floor is not None and height is not None:
-        raise ConfigError(
-            f"the photo contradicts the camera height {height:g} m: at that height no person stands on the floor that "
-            f"the photo shows {known.unscaled.floor_offset:.2f} m below the camera. Correct the height, or leave it out"
-        )
-    return warnings
+    if placed.size_ratio is None:
+        return []
+    estimated = bodies.model.stature(bodies.betas)
+    return _check_statures(known.geometry, estimates.statures, estimated, placed.size_ratio)
 
 
 def _check_statures(known: KnownGeometry, statures: FloatArray | None, estimated: Tensor, ratio: Tensor) -> list[str]:

@@ -67,18 +67,7 @@ def test_placement_recovers_the_true_place_of_a_person(given):
     assert error < 0.03
     assert found.photo.alignment.scale == pytest.approx(2.0, rel=1e-3)
     assert found.scene is given.scene
-    assert (found.rejected_floor, found.size_ratio, found.lifted_feet) == (None, None, None)
-
-
-def test_a_floor_through_the_people_is_dropped_and_they_are_placed_again(given):
-    table = PlaneFit(UP, 0.4, torch.ones_like(given.scene.valid), 0.5, 0.0, "lower image")
-    wrong = replace(given, scene=replace(given.scene, floor=table, floor_offset=0.4))
-    found = solve_placement(wrong, DEFAULT)
-    assert found.rejected_floor == "through_people"
-    assert found.scene.floor_plane is None
-    assert found.scene.diagnostics["floor"]["reason"] == "through_people"
-    without = replace(given, scene=replace(given.scene, floor=None, floor_normal=None, floor_offset=0.0))
-    assert torch.equal(found.placement.transl, solve_placement(without, DEFAULT).placement.transl)
+    assert (found.size_ratio, found.lifted_feet) == (None, None)
 
 
 @pytest.fixture

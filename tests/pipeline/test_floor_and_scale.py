@@ -16,8 +16,14 @@ from physic_core.engine.scene.method import SceneMethod
 from physic_core.engine.sizes import scaled_depth
 from physic_core.geometry.floor import PlaneFit
 from physic_core.geometry.rays import RayCaster
-from physic_core.pipeline.floor_and_scale import FloorAndScale, candidates_in, find_floor_and_scale, floor_evidence
-from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People, Pointmap, SurfaceLabels
+from physic_core.pipeline.floor_and_scale import (
+    FloorAndScale,
+    PeopleInScene,
+    candidates_in,
+    find_floor_and_scale,
+    floor_evidence,
+)
+from physic_core.types import Bodies, Intrinsics, Keypoints, People, Pointmap, SurfaceLabels
 from physic_core.types.known_sizes import KnownPeople
 
 HEIGHT, WIDTH = 180, 160
@@ -75,28 +81,28 @@ class World:
         bodies = Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded")
         keypoints = Keypoints(np.zeros((count, 17, 2), np.float32), np.zeros((count, 17), np.float32), "coco17")
         scene, photo = as_pointmap(self.depth), as_pointmap(original)
-        self.hints = Hints(CAMERA, people, keypoints, None, scene, photo, None, None, bodies)
+        self.given = PeopleInScene(scene, photo, CAMERA, people, keypoints, bodies, NOBODY)
 
     def answer(self, candidates=FLOOR, known: KnownPeople = NOBODY, **changed) -> FloorAndScale:
-        hints = replace(self.hints, **changed)
-        evidence = floor_evidence(hints.people, np.zeros((HEIGHT, WIDTH), bool), hints.keypoints)
-        return find_floor_and_scale(candidates, evidence, hints, load_body("embedded"), known)
+        given = self.given._replace(known=known, **changed)
+        evidence = floor_evidence(given.people, np.zeros((HEIGHT, WIDTH), bool), given.keypoints)
+        return find_floor_and_scale(candidates, evidence, given, load_body("embedded"))
 
     def without_feet(self, *people: int) -> Bodies:
-        observed = np.ones((len(self.hints.people), 55), bool)
+        observed = np.ones((len(self.given.people), 55), bool)
         observed[np.ix_(people, ANKLES)] = False
-        return replace(self.hints.bodies, observed=observed)
+        return replace(self.given.bodies, observed=observed)
 
     def moved(self, person: int, factor: float) -> Bodies:
         """The feet of one person this many times as far away, at the same pixels."""
-        places = self.hints.bodies.parameters.transl.copy()
+        places = self.given.bodies.parameters.transl.copy()
         feet = np.array([places[person, 0], CAMERA_HEIGHT, places[person, 2]])
         places[person] += (factor - 1) * feet
-        return replace(self.hints.bodies, parameters=replace(self.hints.bodies.parameters, transl=places))
+        return replace(self.given.bodies, parameters=replace(self.given.bodies.parameters, transl=places))
 
     def error(self, found: FloorAndScale) -> float:
         """Logarithm of the depth by an answer over the true one."""
-        depth = scaled_depth(self.hints.scene, found.scale, CAMERA).depth
+        depth = scaled_depth(self.given.scene, found.scale, CAMERA).depth
         return float(np.log(np.nanmedian(depth / self.depth)))
 
 
@@ -139,14 +145,14 @@ def test_the_score_is_the_height_of_the_feet_over_the_floor_as_a_share_of_the_ca
 
 @pytest.mark.parametrize("unknown", ["bias", "feet", "pixels", "places", "depth"])
 def test_without_torso_feet_or_their_bias_there_is_no_score(world, unknown):
-    people, bodies, photo = world.hints.people, world.hints.bodies, world.hints.original
+    people, bodies, photo = world.given.people, world.given.bodies, world.given.photo
     lost = replace(bodies.parameters, transl=bodies.parameters.transl * np.nan)
     changes = {
-        "bias": {"original": replace(photo, people_farther=None)},
+        "bias": {"photo": replace(photo, people_farther=None)},
         "feet": {"bodies": world.without_feet(0, 1)},
         "pixels": {"people": replace(people, masks=people.masks & False)},
         "places": {"bodies": replace(bodies, parameters=lost)},
-        "depth": {"original": replace(photo, points=np.where(people.masks.any(0)[..., None], np.inf, photo.points))},
+        "depth": {"photo": replace(photo, points=np.where(people.masks.any(0)[..., None], np.inf, photo.points))},
     }
     assert np.isnan(world.answer(**changes[unknown]).stance.score).all()
 
@@ -202,19 +208,19 @@ def test_people_at_several_depths_show_the_shift_of_the_inverse_depth():
     length = float(np.linalg.norm(plane))
     normal = torch.from_numpy((-plane / length).astype(np.float32))
     floor = replace(FLOOR[0], plane=replace(FLOOR[0].plane, normal=normal, offset=1 / length))
-    original = world.hints.original.points[..., 2] * UNIT
+    original = world.given.photo.points[..., 2] * UNIT
     photo = as_pointmap(1 / (1 / original + shift / UNIT))
     scene = replace(as_pointmap(shifted), shift_sigma=0.3)
-    found = world.answer((floor, NO_FLOOR), scene=scene, original=photo)
+    found = world.answer((floor, NO_FLOOR), scene=scene, photo=photo)
     ratio = scaled_depth(scene, found.scale, CAMERA).depth / world.depth
     assert np.nanquantile(ratio, [0.02, 0.98]) == pytest.approx([1, 1], abs=0.1)
-    certain = world.answer((floor, NO_FLOOR), scene=as_pointmap(shifted), original=photo)
+    certain = world.answer((floor, NO_FLOOR), scene=as_pointmap(shifted), photo=photo)
     assert certain.scale.shift == 0
 
 
 def test_without_people_the_scale_is_a_guess_that_names_its_assumption(world):
     nobody = People(np.zeros((0, HEIGHT, WIDTH), bool), np.zeros((0, 4)), np.zeros(0))
-    bodies = replace(world.hints.bodies, parameters=world.hints.bodies.parameters[0:0])
+    bodies = replace(world.given.bodies, parameters=world.given.bodies.parameters[0:0])
     keypoints = Keypoints(np.zeros((0, 17, 2), np.float32), np.zeros((0, 17), np.float32), "coco17")
     found = world.answer(people=nobody, bodies=bodies, keypoints=keypoints)
     assert found.scale.sigma is None
@@ -226,15 +232,15 @@ def labelled(world: World, floor: np.ndarray | None, *others: np.ndarray) -> Peo
     ground = np.zeros((HEIGHT, WIDTH), np.uint8)
     ground[120:] = 1
     surfaces = SurfaceLabels(ground, ("unknown", "floor"))
-    return replace(world.hints.people, floor=floor, surfaces=surfaces, floor_candidates=others)
+    return replace(world.given.people, floor=floor, surfaces=surfaces, floor_candidates=others)
 
 
 def test_masks_labels_and_other_masks_are_candidates(world):
     rows = np.zeros((HEIGHT, WIDTH), bool)
     rows[100:] = True
-    hole = world.hints.people.masks.any(0)
+    hole = world.given.people.masks.any(0)
     people = labelled(world, rows, rows)
-    candidates = candidates_in(world.hints.scene, floor_evidence(people, hole, world.hints.keypoints), SceneMethod())
+    candidates = candidates_in(world.given.scene, floor_evidence(people, hole, world.given.keypoints), SceneMethod())
     sources = [c.plane.source for c in candidates if c.plane is not None]
     assert sources[:4] == ["floor mask", "floor mask", "labels", "lower image"]
     assert len(sources) <= 6
@@ -244,6 +250,6 @@ def test_masks_labels_and_other_masks_are_candidates(world):
 
 
 def test_a_floor_that_is_switched_off_has_no_plane(world):
-    evidence = floor_evidence(labelled(world, None), np.zeros((HEIGHT, WIDTH), bool), world.hints.keypoints)
-    (only,) = candidates_in(world.hints.scene, evidence, SceneMethod(floor="off"))
+    evidence = floor_evidence(labelled(world, None), np.zeros((HEIGHT, WIDTH), bool), world.given.keypoints)
+    (only,) = candidates_in(world.given.scene, evidence, SceneMethod(floor="off"))
     assert only.plane is None

@@ -106,7 +106,6 @@ def place_bodies(
     K: Tensor,
     floor: tuple[Tensor, float] | None = None,
     method: PlacementMethod | None = None,
-    placed: Sequence[PersonPlacement | None] | None = None,
 ) -> Placement:
     """Translate B posed bodies independently (Eq. 2-4); a body that cannot be placed keeps its translation.
 
@@ -116,13 +115,10 @@ def place_bodies(
         K: (3, 3) px.
         floor: unit normal (3,), up, and offset in metres, or None.
         method: of stage 2; that of preset "default" if None.
-        placed: per person, a known placement to reuse, or None to solve; None solves all.
     """
     method = method or PlacementMethod()
-    known = placed or [None] * len(bodies.transl)
     people = tuple(
-        _place_person(_person_problem(i, bodies, evidence, K, floor, method), method) if done is None else done
-        for i, done in enumerate(known)
+        _place_person(_person_problem(i, bodies, evidence, K, floor, method), method) for i in range(len(bodies.transl))
     )
     transl = bodies.transl
     if not people:

@@ -1,8 +1,7 @@
 """Stage 2: place the people in the scene (paper Sec. 3.2).
 
 Each body is aligned with its keypoints (Eq. 2) and its points in the scene (Eq. 3-4). In a scene of known size, people
-of unknown stature are resized first. A floor that contradicts the people is dropped, and the people who stood on it are
-placed again. OpenCV camera frame, metres.
+of unknown stature are resized first. OpenCV camera frame, metres.
 """
 
 from __future__ import annotations
@@ -21,7 +20,6 @@ from physic_core.engine.placement.detections import ObservedPeople
 from physic_core.engine.placement.human_points import AlignedPhoto, PhotoPoints, align_photo
 from physic_core.engine.placement.method import PlacementMethod
 from physic_core.engine.placement.place import PeopleObservations, PlacedBodies, Placement, place_bodies
-from physic_core.engine.scene.floor_below_people import FloorRejection, without_floor, wrong_floor
 from physic_core.engine.scene.solve import SceneState
 from physic_core.engine.sizes import resize_bodies
 from physic_core.engine.stance import Stance, find_lifted_feet
@@ -80,7 +78,7 @@ class PlacedPeople(ShortRepr):
     """People in their scene.
 
     Attributes:
-        scene: that of the input, without its floor if it contradicts the people.
+        scene: that of the input.
         photo: its point map, aligned to the scene.
         bodies: as estimated, or resized to a scene of known size.
         placement: of the bodies.
@@ -89,7 +87,6 @@ class PlacedPeople(ShortRepr):
             requested.
         size_ratio: (B,) factor by which to enlarge people so that a scene of known size matches the photo, NaN where
             unknown; None if the size of the scene is unknown.
-        rejected_floor: why the floor was dropped, or None.
     """
 
     scene: SceneState
@@ -99,7 +96,6 @@ class PlacedPeople(ShortRepr):
     lifted_feet: Tensor | None
     foot_touch: Tensor | None
     size_ratio: Tensor | None
-    rejected_floor: FloorRejection | None
 
 
 def solve_placement(given: PlacementInput, method: PlacementMethod) -> PlacedPeople:
@@ -118,14 +114,8 @@ def solve_placement(given: PlacementInput, method: PlacementMethod) -> PlacedPeo
     feet_seen = detections.observed[:, _ANKLES].any(1) & ~airborne.to(detections.observed.device)
     evidence = _observations(detections, photo, feet_seen, method)
     placed = place_bodies(posed, evidence, scene.K, scene.floor_plane, method)
-    vertices = posed.vertices + (placed.transl - posed.transl)[:, None]
-    rejected = wrong_floor(scene.floor, vertices, output.joints, scene.surface[1])
-    if rejected is not None:
-        scene = without_floor(scene, rejected)
-        kept = [None if person.on_floor else person for person in placed.people]
-        placed = place_bodies(posed, evidence, scene.K, None, method, kept)
     touch = torch.from_numpy(stance.touch) if method.feet_by_picture and stance is not None else None
-    return PlacedPeople(scene, photo, bodies, placed, lifted, touch, ratio, rejected)
+    return PlacedPeople(scene, photo, bodies, placed, lifted, touch, ratio)
 
 
 def _pose(

@@ -23,9 +23,6 @@ _FEWEST_TRUNKS = 2  # a single person may bend
 _NO_FLOOR = {
     "no_pixels": "too few pixels to search",
     "no_consensus": "no horizontal plane explains enough pixels",
-    "through_people": "the only horizontal plane cuts through the people, like a table or a seat",
-    "far_below_people": "the only horizontal plane lies far below the people, who stand on something else",
-    "tilted": "the only plane contradicts the up direction of standing people or of other surfaces",
 }
 
 
