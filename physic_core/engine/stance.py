@@ -17,6 +17,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from physic_core.body.feet_in_picture import foot_touch_probability
 from physic_core.engine.placement.background import dilate_square
 from physic_core.engine.placement.detections import ObservedPeople
 from physic_core.types.short_repr import ShortRepr
@@ -71,15 +72,17 @@ class Stance(ShortRepr):
     score: FloatArray
 
     def expanded(self, rows: BoolArray) -> Stance:
-        """Return N rows from those of the people selected by ``rows`` (N,); NaN and False for the others."""
+        """Return N rows from those of the people selected by ``rows`` (N,); the others have average feet."""
+        average = foot_touch_probability(np.zeros((1, 0, 2)), ())[0]
 
-        def wider(array: NDArray[Any]) -> NDArray[Any]:
-            empty = np.full((len(rows), *array.shape[1:]), False if array.dtype == bool else np.nan, array.dtype)
-            empty[rows] = array
-            return empty
+        def wider(array: NDArray[Any], empty: FloatArray | float = np.nan) -> NDArray[Any]:
+            found = np.full((len(rows), *array.shape[1:]), empty, array.dtype)
+            found[rows] = array
+            return found
 
-        among = None if self.on_furniture is None else wider(self.on_furniture)
-        return Stance(wider(self.touch), wider(self.gap), among, wider(self.stands), wider(self.score))
+        among = None if self.on_furniture is None else wider(self.on_furniture, False)
+        touch, stands = wider(self.touch, average), wider(self.stands, average)
+        return Stance(touch, wider(self.gap), among, stands, wider(self.score))
 
 
 def standing_prior(touch: FloatArray, gap: FloatArray, on_furniture: BoolArray | None) -> FloatArray:
