@@ -31,6 +31,7 @@ _STEP = 0.01
 _LOGS = np.arange(math.log(1e-2), math.log(1e3), _STEP)
 _SHIFTS = np.linspace(-3.0, 3.0, 31)  # in standard deviations
 _WRONG_SIGMA = 0.5  # of the logarithm of the scale by a witness who is wrong
+_LEAST_DENSITY = 1 / float(_LOGS[-1] - _LOGS[0])  # of such a witness, who may say anything
 _SIGMA_SHARE = 0.683  # of the probability within one standard deviation
 _FARTHEST_M = 1e4
 
@@ -137,7 +138,7 @@ def _log_likelihood(witnesses: Witnesses, shifts: FloatArray, reference: float) 
         np.exp(-0.5 * (away / s[:, None]) ** 2) / (math.sqrt(2 * math.pi) * s[:, None])
         for s in (sigma, np.full_like(sigma, _WRONG_SIGMA))
     )
-    each = np.log(sure[:, None] * right + (1 - sure)[:, None] * wrong + 1e-300)
+    each = np.log(sure[:, None] * right + (1 - sure)[:, None] * np.maximum(wrong, _LEAST_DENSITY) + 1e-300)
     total = each.sum(1)
     most = total.max()
     blur = max(witnesses.shared_sigma / _STEP, 1e-3)

@@ -64,7 +64,7 @@ for argument in sys.argv[1:]:
     evidence = run_backends(world.image, None, plan, lambda: model, stages)
     stages.close()
     for field in fields(evidence):
-        if field.name not in ("floor", "ages"):  # fitted by the pipeline
+        if field.name not in ("floor", "stance", "ages"):  # fitted by the pipeline
             show(argument + " " + field.name, getattr(evidence, field.name))
 """
 
