@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from physic_core.types import Hints, Keypoints, People, Pointmap
+from physic_embedded.networks.depth_anything import network_input_size, predict_disparity
 from physic_embedded.relative_pointmap import EmbeddedPointmap
 from physic_embedded.single_view.disparity_floor import fit_disparity_floor
 from physic_embedded.single_view.disparity_offset import disparity_at_infinity
@@ -242,3 +243,25 @@ def test_a_scene_hidden_by_people_is_said_not_to_be_matched(
     everybody = People(np.ones((1, 240, 320), bool), np.array([[0.0, 0.0, 320.0, 240.0]]), np.ones(1))
     answer = backend.infer(image, Hints(intrinsics=scene.intrinsics, people=everybody, scene=scene))
     assert "could not be matched" in answer.notes[0]
+
+
+@pytest.mark.parametrize("short_side", [518, 406])
+@pytest.mark.parametrize(("height", "width"), [(853, 1280), (960, 1280), (720, 1280), (1024, 1280), (914, 1280)])
+def test_a_photo_with_a_column_or_row_less_has_the_same_network_input(height: int, width: int, short_side: int) -> None:
+    sizes = {network_input_size(height - row, width - column, short_side) for row in (0, 1) for column in (0, 1)}
+    assert len(sizes) == 1
+
+
+class Red:
+    """Stands for the depth network: its disparity is the red channel."""
+
+    def run(self, outputs: list[str], inputs: dict[str, NDArray[np.float32]], keep: bool) -> list[NDArray[np.float32]]:
+        return [inputs["image"][:, 0]]
+
+
+@pytest.mark.parametrize(("height", "width"), [(853, 1280), (1280, 853), (60, 1600), (50, 41)])
+def test_the_disparity_is_that_of_the_photo_alone_at_its_aspect_ratio(height: int, width: int) -> None:
+    disparity = predict_disparity(Red(), np.full((height, width, 3), 201, np.uint8))  # type: ignore[arg-type]
+    assert (disparity == 201).all()
+    rows, columns = disparity.shape
+    assert abs(rows * width / height - columns) < 0.5 * (1 + width / height) + 1e-6
