@@ -1,4 +1,4 @@
-"""``benchmarks/same_photo``: known answers come out as these changes."""
+"""``benchmarks/same_photo``: known answers come out as these changes, and people of examples stay where they are."""
 
 from __future__ import annotations
 
@@ -10,17 +10,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.same_photo.__main__ import drawn, half_of
-from benchmarks.same_photo.changes import change, table
+from benchmarks.same_photo.__main__ import changes_of, drawn, embedded_pipeline, half_of
+from benchmarks.same_photo.changes import PersonChange, change, table
 from benchmarks.same_photo.variants import PHOTO, VARIANTS, Answer, Variant, answer_of
 from benchmarks.truth.sets import Sample
 from physic_core.body import load_body
 from physic_core.body.parameters import parameters_from_rotations
+from physic_core.io.photo import read_photo
 from physic_core.types import Intrinsics, Person, Plane, Reconstruction, Scene, Support
 
 WIDTH, HEIGHT = 640, 480
 CAMERA = replace(Intrinsics.from_focal(600.0, WIDTH, HEIGHT), focal_sigma=0.2)
+EXAMPLES = Path(__file__).parents[2] / "examples"
 BY_NAME = {variant.name: variant for variant in VARIANTS}
+
+MOST_MOVED = {"mirror": (1.05, 1.2), "crop2, K": (1.02, 1.3)}
+"""Largest ratio of the distances of a person in photo and variant: median and 90th percentile."""
 
 
 def result(mirrored: bool = False) -> Reconstruction:
@@ -148,3 +153,25 @@ def test_photos_are_drawn_by_name_and_few_are_the_first_of_more() -> None:
     assert more != [sample.name for sample in drawn(samples, 12, seed=4)]
     assert {int(name) % 7 for name in more} <= {1, 2, 3, 4}
     assert {half_of(name) for name in more} == {"development", "held"}
+
+
+@pytest.mark.slow
+def test_people_of_examples_stay_where_they_are_if_the_photo_is_mirrored_or_cropped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path / "cache"))
+    photos = sorted(file for file in EXAMPLES.iterdir() if file.suffix in (".jpg", ".png"))
+    assert len(photos) == 6
+    people: dict[str, list[PersonChange]] = {name: [] for name in MOST_MOVED}
+    with embedded_pipeline() as pipeline:
+        for photo in photos:
+            variants = [BY_NAME[name] for name in MOST_MOVED]
+            found = changes_of(read_photo(photo).image, variants, tmp_path / photo.stem, pipeline)
+            for name, change_of_photo in found.items():
+                assert change_of_photo.lost == 0
+                people[name] += change_of_photo.people
+    for name, (median, most) in MOST_MOVED.items():
+        ratios = np.exp([abs(person.distance) for person in people[name]])
+        assert np.median(ratios) <= median
+        assert np.percentile(ratios, 90) <= most
+        assert not any(set(person.grades) == {"good", "bad"} for person in people[name])
