@@ -72,9 +72,9 @@ def floor_evidence(people: People, hole: BoolArray, keypoints: Keypoints) -> Flo
     from physic_core.engine.floor import FloorEvidence
     from physic_core.geometry.tensors import optional_tensors
 
-    labels, nobody = people.surfaces, ~people.masks.any(0)
-    ground = None if labels is None else labels.mask(*_FLOORS) & nobody
-    no_ground = None if labels is None else labels.mask(*_NO_FLOORS) & nobody
+    labels, uncovered = people.surfaces, ~people.masks.any(0)
+    ground = None if labels is None else labels.mask(*_FLOORS) & uncovered
+    no_ground = None if labels is None else labels.mask(*_NO_FLOORS) & uncovered
     mask, hole_, feet, floor, other = optional_tensors(
         people.floor, hole, feet_pixels(keypoints, *hole.shape), ground, no_ground
     )

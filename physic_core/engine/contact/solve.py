@@ -34,7 +34,7 @@ def _find_supports(
 ) -> tuple[PersonSupport | None, ...]:
     """Return the support of each person; None for people with non-finite vertices."""
     beneath = near.normals[near.people.person, near.people.vertex] @ given.up
-    beside = (touch.kind == _PERSON) & (beneath < _BEARS)  # a neighbour's thigh carries nobody, a lap does
+    beside = (touch.kind == _PERSON) & (beneath < _BEARS)  # a lap carries, a neighbour's thigh does not
     outward = (touch.kind >= 0) & (touch.kind != _OWN_BODY) & (touch.kind != _OBJECT) & ~beside
     seen = given.seen
     found: list[PersonSupport | None] = []
