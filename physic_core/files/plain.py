@@ -39,15 +39,16 @@ def split(value: Any, arrays: Arrays, path: str = "") -> Any:
     """Return the JSON form of a value, and add its arrays to ``arrays``.
 
     Args:
-        value: a dataclass, an array, a number, a text, None, or tuples, lists and mappings of these.
+        value: a dataclass, an array, a tensor on the CPU, a number, a text, None, or tuples, lists and mappings of
+            these.
         arrays: by name; filled.
         path: of the value, with a dot at its end.
 
     Raises:
         TypeError: the value contains an object of another class.
     """
-    if isinstance(value, np.ndarray):
-        arrays[path[:-1]] = value
+    if isinstance(value, np.ndarray) or _is_tensor(type(value)):
+        arrays[path[:-1]] = np.asarray(value)
         return None
     if is_dataclass(value):
         names = [one.name for one in fields(value) if one.init and one.metadata.get("stored", True)]
@@ -216,8 +217,17 @@ def _suits(kind: Any, value: Any) -> bool:
     )
 
 
-def _checked(array: NDArray[Any], kinds: Sequence[Any], name: str) -> NDArray[Any]:
-    """Return an array if its dtype is one that the alternatives of a type allow."""
+def _is_tensor(kind: Any) -> bool:
+    """Whether a type is that of torch's tensors, without importing torch."""
+    return getattr(kind, "__module__", "") == "torch" and getattr(kind, "__name__", "") == "Tensor"
+
+
+def _checked(array: NDArray[Any], kinds: Sequence[Any], name: str) -> Any:
+    """Return an array if its dtype is one that the alternatives of a type allow, as a tensor if one of them is that."""
+    if any(_is_tensor(kind) for kind in kinds):
+        import torch
+
+        return torch.tensor(array)
     allowed = [one for one in kinds if one is Any or (get_origin(one) or one) is np.ndarray]
     scalars = [get_args(get_args(one)[1])[0] if get_args(one) else Any for one in allowed]
     if not array.dtype.isnative or not any(

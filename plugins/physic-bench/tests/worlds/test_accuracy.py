@@ -7,6 +7,7 @@ from dataclasses import fields, is_dataclass
 
 import numpy as np
 import pytest
+import torch
 from click.testing import CliRunner
 
 from physic_bench.worlds import run_worlds, world_evidence
@@ -46,6 +47,8 @@ def alike(one, other):
         )
     if isinstance(one, np.ndarray):
         return one.dtype == other.dtype and np.array_equal(one, other, equal_nan=one.dtype.kind == "f")
+    if isinstance(one, torch.Tensor):
+        return isinstance(other, torch.Tensor) and one.dtype == other.dtype and torch.equal(one, other)
     return one == other
 
 
