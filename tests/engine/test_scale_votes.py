@@ -62,6 +62,6 @@ def test_a_plane_at_which_the_witnesses_agree_is_more_likely() -> None:
     assert found.weights.sum() == pytest.approx(1)
 
 
-def test_nobody_who_says_anything_gives_no_scale() -> None:
+def test_the_scale_is_unknown_if_no_witness_says_anything() -> None:
     assert vote([np.nan]) is None
     assert vote_on_scale([]) is None
