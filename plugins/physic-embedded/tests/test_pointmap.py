@@ -130,8 +130,18 @@ def test_sky_over_ground_is_infinitely_far() -> None:
     disparity = 8 * np.maximum(rays() @ down / 1.5, 0.0)
     found = disparity_at_infinity(disparity, fit_disparity_floor(disparity), FOCAL)
     assert found.outdoors > 0.9
-    assert found.gap == pytest.approx(0.006, rel=0.1)
+    assert found.gap < 0.01
     assert "infinitely far" in found.rule
+
+
+def test_the_farthest_pixels_recede_smoothly_as_the_map_reaches_zero() -> None:
+    rows = np.linspace(0, 1, HEIGHT)[:, None] * np.ones(WIDTH)
+    gaps = np.array([disparity_at_infinity(8 * (rows + far), None, FOCAL).gap for far in np.linspace(0, 0.04, 41)])
+    steps = np.diff(np.log(gaps))
+    assert gaps[0] < 0.05
+    assert gaps[-1] > 0.3
+    assert (steps > 0).all()
+    assert steps.max() < 0.35
 
 
 def test_a_standing_person_tells_how_high_the_camera_is() -> None:

@@ -68,7 +68,7 @@ def disparity_at_infinity(
     walls: FloatArray | None = None,
     bodies: FloatArray | None = None,
 ) -> InfinityEstimate:
-    """Estimate the most likely disparity at infinity of a disparity map.
+    """Estimate the disparity at infinity of a disparity map: the mean of its logarithm below the farthest pixels.
 
     Args:
         disparity: (H, W), larger is nearer; the network answers 0 for the sky.
@@ -101,15 +101,16 @@ def disparity_at_infinity(
         if standing:
             cost = cost + _camera_height_cost(floor, candidates, standing, disparity.shape)
             cues.append("the camera's height beside standing people")
-    best = int(cost.argmin())
     far = f"the farthest pixels are taken as {'infinitely far' if outdoors > 0.5 else 'a wall'}"
     rule = f"{far}; also used: {', '.join(cues)}" if cues else f"{far}, since the photo has no other cue"
-    weight = np.exp(-(cost - cost[best]) / 2)
+    weight = np.exp(-(cost - cost.min()) / 2)
+    gap = float(np.exp(np.average(np.log(gaps), weights=weight)))
+    infinity = farthest - gap * span
     sigma, disparity_sigma = (
-        float(np.sqrt(np.average((values - values[best]) ** 2, weights=weight)))
-        for values in (np.log(gaps), candidates)
+        float(np.sqrt(np.average((values - mean) ** 2, weights=weight)))
+        for values, mean in ((np.log(gaps), np.log(gap)), (candidates, infinity))
     )
-    return InfinityEstimate(float(candidates[best]), float(gaps[best]), outdoors, sigma, disparity_sigma, rule)
+    return InfinityEstimate(infinity, gap, outdoors, sigma, disparity_sigma, rule)
 
 
 def _floor_cues(
