@@ -48,7 +48,8 @@ _MAX_RAISED_SHARE = 0.5  # of the background around a foot that carries people o
 _ON_FLOOR_SHARE = 0.95  # of feet that touch something; the others are on seats and steps
 _FURNITURE_SHARE = 0.4  # of feet among seats and tables that stand on the floor all the same
 _GAP_STANDING, _GAP_IN_AIR = (0.02, 0.05), (0.2, 0.15)  # mean and spread of the gap behind feet
-_MOST_ODDS = 3.0  # of a gap, nats: maps of depth may be wrong around a foot
+_MAP_WRONG = 0.05  # share of people whose depth in the photo is wrong
+_WRONG_GAPS = 6.0  # range of their gaps
 
 
 @dataclass(frozen=True)
@@ -85,18 +86,26 @@ class Stance(ShortRepr):
         return Stance(touch, wider(self.gap), among, stands, wider(self.score))
 
 
-def standing_prior(touch: FloatArray, gap: FloatArray, on_furniture: BoolArray | None) -> FloatArray:
-    """Return the probability (N, 2) that feet stand on the floor, before any floor is known; see :class:`Stance`."""
+def standing_prior(touch: FloatArray, gap: FloatArray, on_furniture: BoolArray | None) -> tuple[FloatArray, FloatArray]:
+    """Return the probability that feet stand on the floor, and that the photo's depth of people is right.
+
+    The first is (N, 2), before any floor is known; the second (N,). A gap that is too large for a foot in the air says
+    that the depth is wrong, and nothing of the foot. See :class:`Stance` for the arguments.
+    """
     share = _ON_FLOOR_SHARE * np.where(False if on_furniture is None else on_furniture, _FURNITURE_SHARE, 1.0)
-    probability = np.clip(share * touch, 1e-3, 1 - 1e-3)
-
-    def nats(mean: float, spread: float) -> FloatArray:
-        return np.asarray(-0.5 * ((gap - mean) / spread) ** 2 - math.log(spread))
-
-    odds = np.clip(nats(*_GAP_STANDING) - nats(*_GAP_IN_AIR), -_MOST_ODDS, _MOST_ODDS)
+    prior = share * touch
     known = np.isfinite(gap) & ~np.asarray(False if on_furniture is None else on_furniture)
-    odds = np.where(known, np.nan_to_num(odds), 0.0) + np.log(probability / (1 - probability))
-    return np.asarray(1 / (1 + np.exp(-odds)))
+
+    def density(mean: float, spread: float) -> FloatArray:
+        return np.asarray(np.exp(-0.5 * ((gap - mean) / spread) ** 2) / (spread * math.sqrt(2 * math.pi)))
+
+    standing = prior * np.where(known, density(*_GAP_STANDING), 1.0)
+    in_air = (1 - prior) * np.where(known, density(*_GAP_IN_AIR), 1.0)
+    right = (1 - _MAP_WRONG) * (standing + in_air).prod(1)
+    wrong = _MAP_WRONG * np.where(known, 1 / _WRONG_GAPS, 1.0).prod(1)
+    is_right = right / (right + wrong)
+    by_gap = standing / np.maximum(standing + in_air, 1e-300)
+    return is_right[:, None] * by_gap + (1 - is_right[:, None]) * prior, is_right
 
 
 def find_lifted_feet(stance: Stance, held: Tensor, camera_height_m: float) -> Tensor | None:

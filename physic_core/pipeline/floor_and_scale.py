@@ -39,6 +39,7 @@ _NO_FLOORS = (*RAISED_SURFACES, "wall", "ceiling", "window", "vegetation", "wate
 _SOLE_SIGMA, _FLOOR_SIGMA = 0.05, 0.06  # of one person's soles; of the floor, shared by all
 _TORSO_SIGMA, _PEOPLE_SIGMA = 0.1, 0.12  # of one torso; of people in the map, shared by all
 _TORSO_SURE, _CAMERA_SURE = 0.9, 0.9
+_PEOPLE_WRONG = 0.15  # share of photos in which the depth of all people is far from that of the scene
 _LEAST_SIZE_SIGMA = 0.01  # of a person of known stature: the pose is not exact
 _LEAST_SHOWN = 0.05  # of a person, as a share of the best visible one
 _NOT_ON_PLANE_NATS = -1.2  # for each person whose soles are seen, if there is no floor that they may stand on
@@ -138,7 +139,7 @@ def find_floor_and_scale(
     planes = [_on_plane(candidate, seen) for candidate in candidates]
     scores, kinds = [p.log_score for p in planes], [(p.soles, p.camera) for p in planes]
     shift_sigma = scene.shift_sigma if scene.unknown == "inverse_scale_shift" else None
-    vote = vote_on_scale([seen.torsos], kinds, scores, shift_sigma or 0.0)
+    vote = vote_on_scale([seen.torsos, _usual_depth(scene)], kinds, scores, shift_sigma or 0.0)
     best = int(np.argmax(scores if vote is None else vote.weights))
     search, soles = chosen_floor(candidates, best, evidence), planes[best].soles
     plane = plane_of(search)
@@ -154,13 +155,17 @@ def find_floor_and_scale(
 
 
 class _Seen(NamedTuple):
-    """N people and what the photo shows of their sizes: sigma (N,) of each one's, and visible feet (N, 2) bool."""
+    """N people and what the photo shows of their sizes: sigma (N,) of each one's, and visible feet (N, 2) bool.
+
+    ``real`` (N,) is the probability that they are people at all, as the segmenter says.
+    """
 
     model: BodyModel
     vertices: FloatArray
     joints: Tensor
     observed: BoolArray
     feet: BoolArray
+    real: FloatArray
     stance: Stance
     sigma: FloatArray
     torsos: Witnesses
@@ -184,20 +189,21 @@ def _people_seen(given: PeopleInScene, model: BodyModel) -> _Seen:
     feet = np.stack([observed[:, [JOINT_INDEX[f"{s}_{j}"] for j in ("ankle", "foot")]].all(1) for s in SIDES], 1)
     sigma = _size_sigmas(given)
     farther, spread = given.photo.people_farther or (0.0, _TORSO_SIGMA)
+    stance, depth_right = _stance_without_floor(given, observed)
     by_torsos = scales_by_torsos(vertices, model, given.people.masks, given.photo, given.camera.matrix)
     torsos = Witnesses(
         scale=by_torsos * math.exp(farther),
         depth=vertices[..., 2].mean(1),
         sigma=np.hypot(np.hypot(sigma, spread), _TORSO_SIGMA),
-        sure=np.full(count, _TORSO_SURE),
+        sure=_TORSO_SURE * depth_right * given.people.scores,
         shared_sigma=_PEOPLE_SIGMA,
+        shared_wrong=_PEOPLE_WRONG,
     )
-    stance = _stance_without_floor(given, observed)
-    return _Seen(model, vertices, posed.joints.cpu(), observed, feet, stance, sigma, torsos)
+    return _Seen(model, vertices, posed.joints.cpu(), observed, feet, given.people.scores, stance, sigma, torsos)
 
 
-def _stance_without_floor(given: PeopleInScene, observed: BoolArray) -> Stance:
-    """Return what keypoints and depth say of the feet of N people."""
+def _stance_without_floor(given: PeopleInScene, observed: BoolArray) -> tuple[Stance, FloatArray]:
+    """Return what keypoints and depth say of the feet of N people, and how likely (N,) their depth is right."""
     from physic_core.body.feet_in_picture import foot_touch_probability
     from physic_core.engine.placement.detections import ObservedPeople
     from physic_core.engine.stance import Stance, depth_gaps_at_feet, standing_prior
@@ -210,8 +216,8 @@ def _stance_without_floor(given: PeopleInScene, observed: BoolArray) -> Stance:
     gap, among = depth_gaps_at_feet(ObservedPeople(keypoints.joint_set, *shown), photo, scene, raised)
     touch = foot_touch_probability(keypoints.points, keypoints.joint_set.names)
     on_furniture = None if raised is None else among.numpy()
-    stands = standing_prior(touch, gap.numpy(), on_furniture)
-    return Stance(touch, gap.numpy(), on_furniture, stands, np.full(len(people), np.nan))
+    stands, depth_right = standing_prior(touch, gap.numpy(), on_furniture)
+    return Stance(touch, gap.numpy(), on_furniture, stands, np.full(len(people), np.nan)), depth_right
 
 
 def _size_sigmas(given: PeopleInScene) -> FloatArray:
@@ -256,11 +262,20 @@ def _on_plane(candidate: FloorCandidate, seen: _Seen) -> _OnPlane:
         score += standing_score(candidate.plane.normal, seen.joints)
     lower = np.fmax(by_soles[:, 0], by_soles[:, 1])
     score += _NOT_ON_PLANE_NATS * int((seen.feet.any(1) & ~np.isfinite(lower)).sum())
-    sure = 1 - (1 - np.where(seen.feet, seen.stance.stands, 0.0)).prod(1)
+    sure = seen.real * (1 - (1 - np.where(seen.feet, seen.stance.stands, 0.0)).prod(1))
     soles = Witnesses(lower, seen.torsos.depth, np.hypot(seen.sigma, _SOLE_SIGMA), sure, _FLOOR_SIGMA)
     usual, unknown = np.array([USUAL_CAMERA_HEIGHT_M / height]), np.array([math.nan])
     camera = Witnesses(usual, unknown, np.array([USUAL_CAMERA_HEIGHT_SIGMA]), np.array([_CAMERA_SURE]), 0.0)
     return _OnPlane(score, by_soles, soles, camera)
+
+
+def _usual_depth(scene: Pointmap) -> Witnesses:
+    """Return what the usual depth of scenes of people says of a scene."""
+    from physic_core.engine.sizes import Witnesses
+    from physic_core.engine.sizes.evidence import USUAL_DEPTH_M, USUAL_DEPTH_SIGMA
+
+    scale = USUAL_DEPTH_M / float(np.median(scene.points[scene.valid, 2]))
+    return Witnesses(np.array([scale]), np.array([math.nan]), np.array([USUAL_DEPTH_SIGMA]), np.ones(1), 0.0)
 
 
 def _stands(vote: ScaleVote, plane: _OnPlane, seen: _Seen) -> FloatArray:

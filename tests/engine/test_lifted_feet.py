@@ -59,11 +59,20 @@ def test_a_person_whose_soles_give_the_scene_another_scale_is_in_the_air():
 
 def test_a_foot_stands_by_its_keypoints_and_by_the_depth_behind_it():
     touch = np.array([[0.8, 0.2]])
-    unknown, low, high = (standing_prior(touch, np.full((1, 2), gap), None) for gap in (np.nan, 0.01, 0.3))
+    unknown, low, high = (standing_prior(touch, np.full((1, 2), gap), None)[0] for gap in (np.nan, 0.01, 0.3))
     assert (high < unknown).all()
     assert (unknown < low).all()
     assert (unknown[:, 1] < unknown[:, 0]).all()
-    assert (standing_prior(touch, np.full((1, 2), np.nan), np.ones((1, 2), bool)) < unknown).all()
+    assert (standing_prior(touch, np.full((1, 2), np.nan), np.ones((1, 2), bool))[0] < unknown).all()
+
+
+def test_a_depth_too_near_for_a_foot_in_the_air_is_wrong_and_says_nothing_of_the_foot():
+    touch = np.array([[0.8, 0.2]])
+    unknown, right = standing_prior(touch, np.full((1, 2), np.nan), None)
+    absurd, wrong = standing_prior(touch, np.full((1, 2), 2.3), None)
+    assert absurd == pytest.approx(unknown, abs=0.01)
+    assert right > 0.9
+    assert wrong < 0.01
 
 
 def test_nothing_is_known_of_unseen_feet():

@@ -41,6 +41,14 @@ def test_an_error_that_all_share_does_not_shrink_with_their_number() -> None:
     assert [few.scale, many.scale] == pytest.approx([2.0, 2.0])
 
 
+def test_what_all_share_may_be_far_off() -> None:
+    one = np.ones(3)
+    map_depth = Witnesses(one, one, one * 0.1, one, 0.1, shared_wrong=0.1)
+    soles = Witnesses(one * 5, one, one * 0.1, one * 0.9, 0.0)
+    assert vote_on_scale([map_depth, soles]).scale.scale == pytest.approx(5.0, rel=0.05)
+    assert vote_on_scale([map_depth]).scale.scale == pytest.approx(1.0, rel=0.05)
+
+
 def test_a_witness_who_is_far_off_counts_little() -> None:
     assert vote([1.0, 1.0, 1.0, 3.0]).scale.scale == pytest.approx(1.0, rel=0.02)
 

@@ -31,6 +31,9 @@ USUAL_CAMERA_HEIGHT_SIGMA = 0.5
 USUAL_DEPTH_M = 3.0
 """Median depth of a scene of people, of which nothing else is known."""
 
+USUAL_DEPTH_SIGMA = 1.0
+"""Standard deviation of the logarithm of that depth."""
+
 
 @dataclass(frozen=True)
 class ScaleEvidence:

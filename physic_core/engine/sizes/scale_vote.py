@@ -32,6 +32,7 @@ _LOGS = np.arange(math.log(1e-2), math.log(1e3), _STEP)
 _SHIFTS = np.linspace(-3.0, 3.0, 31)  # in standard deviations
 _WRONG_SIGMA = 0.5  # of the logarithm of the scale by a witness who is wrong
 _LEAST_DENSITY = 1 / float(_LOGS[-1] - _LOGS[0])  # of such a witness, who may say anything
+_SHARED_WRONG_SIGMA = 1.0  # of the logarithm of the scale, if what all witnesses of a kind share is wrong
 _SIGMA_SHARE = 0.683  # of the probability within one standard deviation
 _FARTHEST_M = 1e4
 
@@ -46,6 +47,7 @@ class Witnesses:
         sigma: (N,) standard deviation of log(m) of each one alone.
         sure: (N,) probability that a witness is not wrong.
         shared_sigma: standard deviation of the error that all share.
+        shared_wrong: probability that what all share is wrong, as the depth of everyone in the map.
     """
 
     scale: FloatArray
@@ -53,6 +55,7 @@ class Witnesses:
     sigma: FloatArray
     sure: FloatArray
     shared_sigma: float
+    shared_wrong: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -141,8 +144,12 @@ def _log_likelihood(witnesses: Witnesses, shifts: FloatArray, reference: float) 
     each = np.log(sure[:, None] * right + (1 - sure)[:, None] * np.maximum(wrong, _LEAST_DENSITY) + 1e-300)
     total = each.sum(1)
     most = total.max()
-    blur = max(witnesses.shared_sigma / _STEP, 1e-3)
-    smooth = gaussian_filter1d(np.exp(total - most), blur, axis=-1, truncate=5.0)
+    shares = [(1 - witnesses.shared_wrong, witnesses.shared_sigma), (witnesses.shared_wrong, _SHARED_WRONG_SIGMA)]
+    smooth = sum(
+        share * gaussian_filter1d(np.exp(total - most), max(sigma / _STEP, 1e-3), axis=-1, truncate=5.0)
+        for share, sigma in shares
+        if share
+    )
     return np.asarray(np.log(smooth + 1e-300) + most)
 
 
