@@ -34,9 +34,6 @@ STATURE_SIGMA = 0.06
 STATURES_M = (0.5, 2.2)
 """Limits of the stature of people whose size follows from the scene."""
 
-ADULT_NOSE_M, ADULT_ANKLE_M = 1.53, 0.08
-"""Heights over the floor of the nose and the ankles of a standing adult of :data:`ADULT_STATURE_M`."""
-
 _CERTAIN = 0.2  # log factor beyond which a person is not an adult of the prior, such as a child
 _NEWTON_STEPS = 4  # stature is piecewise linear in the shape
 

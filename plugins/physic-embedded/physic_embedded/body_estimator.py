@@ -25,6 +25,7 @@ _MAX_APPARENT_BEND = 0.7  # radians that a knee of somebody who upright may seem
 _BEND_SHARE = 0.35  # share of it that is taken to be true
 _ACCEPTED_RISE = 50.0  # of the fit's squared residuals, which uprightness may cost before it is halved
 _MAX_LEAN = 0.44  # radians; a larger lean is a misread floor or no stance
+_MIN_LEG_CONFIDENCE = 0.5  # of knees and ankles of a person who stands
 
 
 class EmbeddedBodies(BodyEstimator):
@@ -116,11 +117,11 @@ class EmbeddedBodies(BodyEstimator):
         The landmarks are turned back by the lean before the fit. Turning the finished body instead would not do: its
         keypoints move, and the next optimisation turns it back.
         """
+        from physic_core.body.posture import standing_legs
         from physic_embedded.body_fit.fit import fit_bodies
         from physic_embedded.body_fit.lean import lean_towards_camera
         from physic_embedded.body_fit.limb_keypoints import keypoint_indices
         from physic_embedded.body_fit.problem import FloorConstraint
-        from physic_embedded.standing import standing_bodies
 
         assert self._model is not None
         row = keypoint_indices(skeleton)
@@ -128,7 +129,8 @@ class EmbeddedBodies(BodyEstimator):
         legs = [row[f"{side}_{joint}"] for side in ("left", "right") for joint in ("knee", "ankle")]
         joints = fit.joints.double().numpy()
         lean = lean_towards_camera(joints, observations.turn, up)
-        upright = standing_bodies(joints, observations.confidence[:, legs].min(1)) & (np.abs(lean) < 2 * _MAX_LEAN)
+        legs_seen = observations.confidence[:, legs].min(1) > _MIN_LEG_CONFIDENCE
+        upright = standing_legs(joints).any(1) & legs_seen & (np.abs(lean) < 2 * _MAX_LEAN)
         turn = np.clip(np.where(upright, -lean, 0.0), -_MAX_LEAN, _MAX_LEAN)
         again = fit
         for _ in range(2):

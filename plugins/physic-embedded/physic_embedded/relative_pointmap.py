@@ -22,7 +22,6 @@ from physic_embedded.single_view.flying_pixels import flying_pixels
 from physic_embedded.single_view.focal import DEFAULT_FOCAL_SIGMA, focal_of_segments
 from physic_embedded.single_view.gravity import gravity_from_segments
 from physic_embedded.single_view.upright import body_planes, wall_planes
-from physic_embedded.standing import StandingPerson, standing_people
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -184,17 +183,11 @@ class EmbeddedPointmap(RelativePointmap):
         ground = None if surfaces is None else _shrink_labels(surfaces.mask("floor", "ground", "rug"), rows, columns)
         walls = None if surfaces is None else _shrink_labels(surfaces.mask("wall", "cabinet"), rows, columns)
         hole = None if hints.hole is None else _shrink_mask(hints.hole, rows, columns)
-        shrink = rows / camera.height
-        people = tuple(
-            StandingPerson(s.nose * shrink, s.ankle * shrink)
-            for s in standing_people(hints.keypoints, camera.height, camera.width)
-        )
         infinity = disparity_at_infinity(
             raw,
             fit_disparity_floor(raw, hole, ground),
             focal,
             gravity=gravity,
-            standing=people,
             walls=None if walls is None else wall_planes(raw, walls, focal),
             bodies=body_planes(hints.keypoints, (camera.cx, camera.cy), camera.fx),
         )

@@ -17,7 +17,6 @@ from physic_embedded.single_view.disparity_offset import disparity_at_infinity
 from physic_embedded.single_view.flying_pixels import flying_pixels
 from physic_embedded.single_view.gravity import Gravity
 from physic_embedded.single_view.upright import axes_cost, body_planes, wall_planes
-from physic_embedded.standing import StandingPerson, standing_people
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -142,38 +141,6 @@ def test_the_farthest_pixels_recede_smoothly_as_the_map_reaches_zero() -> None:
     assert gaps[-1] > 0.3
     assert (steps > 0).all()
     assert steps.max() < 0.35
-
-
-def test_a_standing_person_tells_how_high_the_camera_is() -> None:
-    """Without the cue the default horizon would put the camera at twice a person's height."""
-    disparity = np.maximum(np.linspace(-1, 5, HEIGHT), 1.0)[:, None] * np.ones(WIDTH)
-    floor = fit_disparity_floor(disparity)
-    horizon = (HEIGHT - 1) / 2 + floor.horizon(disparity.min()) * WIDTH
-    person = StandingPerson(nose=horizon + 30, ankle=horizon + 60)
-    plain = disparity_at_infinity(disparity, floor, FOCAL)
-    with_person = disparity_at_infinity(disparity, floor, FOCAL, standing=(person,))
-    assert with_person.gap < 0.75 * plain.gap
-
-
-def keypoints(points: dict[str, tuple[float, float]]) -> Keypoints:
-    from physic_core.types import SKELETONS
-
-    row = np.array([[points.get(name, (50.0, 20.0)) for name in SKELETONS["coco17"].names]])
-    return Keypoints(row, np.full(row.shape[:2], 0.9), "coco17")
-
-
-STANDS = {
-    **{f"left_{n}": (56.0, y) for n, y in (("shoulder", 35.0), ("hip", 80.0), ("knee", 120.0), ("ankle", 160.0))},
-    **{f"right_{n}": (44.0, y) for n, y in (("shoulder", 35.0), ("hip", 80.0), ("knee", 120.0), ("ankle", 158.0))},
-}
-
-
-def test_standing_people_differ_from_sitting_and_cut_off_people() -> None:
-    assert standing_people(keypoints(STANDS), 200, 100) == (StandingPerson(20.0, 160.0),)
-    bent = {"left_knee": (90.0, 100.0), "right_knee": (10.0, 100.0)}
-    assert standing_people(keypoints({**STANDS, **bent}), 200, 100) == ()
-    assert standing_people(keypoints(STANDS), 150, 100) == ()
-    assert standing_people(None, 200, 100) == ()
 
 
 @pytest.fixture(scope="module")

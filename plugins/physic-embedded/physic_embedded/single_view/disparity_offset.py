@@ -2,8 +2,7 @@
 
 A plane stays a plane whatever is taken for infinity, so flatness says nothing about it. What moves is the floor's
 horizon, so cues are weighed on it: walls that stand upright on the floor, people who do, gravity read off upright
-edges, the height of the camera beside a standing person; and, before all cues, whether the farthest pixels are as good
-as infinitely far, as they are outdoors.
+edges; and, before all cues, whether the farthest pixels are as good as infinitely far, as they are outdoors.
 """
 
 from __future__ import annotations
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
 
     from physic_embedded.single_view.disparity_floor import DisparityFloor
     from physic_embedded.single_view.gravity import Gravity
-    from physic_embedded.standing import StandingPerson
 
     FloatArray = NDArray[np.floating]
 
@@ -64,7 +62,6 @@ def disparity_at_infinity(
     focal_px: float,
     *,
     gravity: Gravity | None = None,
-    standing: tuple[StandingPerson, ...] = (),
     walls: FloatArray | None = None,
     bodies: FloatArray | None = None,
 ) -> InfinityEstimate:
@@ -75,7 +72,6 @@ def disparity_at_infinity(
         floor: of the same map, or None.
         focal_px: focal length at the resolution of ``disparity``, px.
         gravity: direction of gravity, or None.
-        standing: standing people, px at the resolution of ``disparity``.
         walls: (M, 3) local planes of walls, see :func:`~physic_embedded.single_view.upright.wall_planes`.
         bodies: (N, 3) planes of standing people, see :func:`~physic_embedded.single_view.upright.body_planes`.
     """
@@ -98,9 +94,6 @@ def disparity_at_infinity(
         more, names = _floor_cues(floor, candidates, focal, gravity=gravity, walls=walls, bodies=bodies)
         cost = cost + more
         cues += names
-        if standing:
-            cost = cost + _camera_height_cost(floor, candidates, standing, disparity.shape)
-            cues.append("the camera's height beside standing people")
     far = f"the farthest pixels are taken as {'infinitely far' if outdoors > 0.5 else 'a wall'}"
     rule = f"{far}; also used: {', '.join(cues)}" if cues else f"{far}, since the photo has no other cue"
     weight = np.exp(-(cost - cost.min()) / 2)
@@ -136,20 +129,6 @@ def _floor_cues(
         cost = cost + axes_cost(bodies, down)
         cues.append("people upright on the floor")
     return cost, cues
-
-
-def _camera_height_cost(
-    floor: DisparityFloor, candidates: FloatArray, standing: tuple[StandingPerson, ...], shape: tuple[int, ...]
-) -> FloatArray:
-    """Return the cost (C,) of the camera's height beside standing people in a map of a ``shape`` (H, W)."""
-    from physic_core.engine.sizes.evidence import USUAL_CAMERA_HEIGHT_M, USUAL_CAMERA_HEIGHT_SIGMA
-    from physic_core.engine.sizes.stature import ADULT_ANKLE_M, ADULT_NOSE_M
-
-    horizon = np.array([floor.horizon(c) for c in candidates]) * max(shape) + (shape[0] - 1) / 2
-    body = ADULT_NOSE_M - ADULT_ANKLE_M
-    heights = [ADULT_ANKLE_M + body * (s.ankle - horizon) / (s.ankle - s.nose) for s in standing]
-    camera = np.median(np.maximum(heights, 0.05), axis=0)
-    return _robust(np.log(camera / USUAL_CAMERA_HEIGHT_M) / USUAL_CAMERA_HEIGHT_SIGMA)
 
 
 def _farthest(disparity: FloatArray) -> tuple[float, float]:

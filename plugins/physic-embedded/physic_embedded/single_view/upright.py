@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.body.posture import legs_in_line
 from physic_core.types.skeletons import SIDES
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices, limb_keypoints
-from physic_embedded.standing import legs_in_picture
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     BoolArray = NDArray[np.bool_]
 
 _MIN_CONFIDENCE = 0.5  # of a visible keypoint
+_MAX_BEND_DEG = 25.0  # of a body that stands, in the picture, where limbs that point towards the camera look straight
 _AXIS_SIGMA_DEG = 4.0  # of a standing body from the vertical
 _SIDE = 160  # px, long side of the grid on which walls are looked at
 _FEWEST = 100
@@ -102,8 +103,11 @@ def body_planes(keypoints: Keypoints | None, center: tuple[float, float], focal_
     needed = [row[f"{s}_{j}"] for s in SIDES for j in ("shoulder", "hip", "knee", "ankle")]
     visible = keypoints.confidence[:, needed].min(1) >= _MIN_CONFIDENCE
     points = {name: keypoints.points[:, i] for name, i in row.items()}
-    shoulder, ankle = ((points[f"left_{joint}"] + points[f"right_{joint}"]) / 2 for joint in ("shoulder", "ankle"))
-    straight = visible & legs_in_picture(points).all(1)
+    shoulders, hips, knees, ankles = (
+        np.stack([points[f"{side}_{joint}"] for side in SIDES], 1) for joint in ("shoulder", "hip", "knee", "ankle")
+    )
+    shoulder, ankle = shoulders.mean(1), ankles.mean(1)
+    straight = visible & legs_in_line(hips, knees, ankles, neck=shoulder, max_deg=_MAX_BEND_DEG).all(1)
     ones = np.ones((int(straight.sum()), 1))
     high, low = (np.concatenate([(p[straight] - center) / focal_px, ones], 1) for p in (shoulder, ankle))
     normals = np.cross(high, low)
