@@ -29,8 +29,10 @@ class MetricDepthRequest(Request[DepthMap]):
 class MetricDepth(Backend):
     """Estimates a metric depth map of the inpainted photo (paper: DepthPro).
 
-    Called last: ``hints.scale`` says how large the people, and all else of known size, make the scene. A backend that
-    needs people, and gets none, raises NoPersonError: the scene then has this scale.
+    A depth has a scale of its own, and counts beside the people and all else of known size: by its ``scale_sigma``, or
+    0.1 without one. The depth is multiplied so that it has the scale of all. A backend whose ``reads`` names "scale"
+    gets in ``hints.scale`` what the others say, and its depth is used as it is. A backend that needs people, and gets
+    none, raises NoPersonError: the depth is then that of the scene.
     """
 
     interface = "metric_depth"

@@ -7,6 +7,7 @@ estimate its scale from the size of people. OpenCV camera frame.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -175,13 +176,14 @@ def run_backends(
 
     seen_keypoints = select_people(keypoints, embodied)
     hints = replace(hints, people=seen, keypoints=seen_keypoints, hole=hole, bodies=seen_bodies)
+    own = run.depth_of_own_scale(MetricDepthRequest(inpainted, hints))
     with stages.time_engine("floor and scale"):
         given_people = PeopleInScene(
             scene, maps.aligned, camera, seen, seen_keypoints, select_people(bodies, embodied), known.select(embodied)
         )
-        found = find_floor_and_scale(maps.floors, maps.evidence, given_people, run.model)
-    hints = replace(hints, floor=found.plane, scale=found.scale)
-    depth, guessed = run.metric_depth(MetricDepthRequest(inpainted, hints))
+        witness = own if plan.engine.scene.rescales_depth else None
+        found = find_floor_and_scale(maps.floors, maps.evidence, given_people, run.model, witness)
+    depth = found.depth or own or run.depth_of_scale(inpainted, replace(hints, floor=found.plane, scale=found.scale))
     stages.note(*depth.notes)
 
     return Estimates(
@@ -202,7 +204,7 @@ def run_backends(
         missing_results=run.missing_per_person(len(people)),
         objects=objects,
         ages=known.years,
-        scale_guess=found.warning if guessed else "",
+        scale_guess=found.warning if own is None and depth.scale_sigma is None else "",
         known=chosen.known,
         statures=known.stature,
     )
@@ -402,21 +404,30 @@ class _BackendCalls:
         contact, self.missing["contact_prior"] = expand_contact(found, embodied)
         return contact
 
-    def metric_depth(self, request: MetricDepthRequest) -> tuple[DepthMap, bool]:
-        """Estimate metric depth, and return whether its scale is that of the hints.
-
-        If a backend needs people and there are none, the depth is that of the scene at this scale.
-        """
+    def depth_of_own_scale(self, request: MetricDepthRequest) -> DepthMap | None:
+        """Estimate metric depth; None if the backend scales its depth by the hints, or needs people and gets none."""
         chosen = self.backends["metric_depth"]
+        if "scale" in (chosen.backend.reads or ()):
+            return None
         try:
-            return self.stages.call_backend("metric depth", chosen, request), "scale" in (chosen.backend.reads or ())
+            return self.stages.call_backend("metric depth", chosen, request)
         except NoPersonError:
-            from physic_core.engine.sizes import scaled_depth
+            return None
 
-            hints = request.hints
-            assert hints.scene is not None
-            assert hints.scale is not None
-            return scaled_depth(hints.scene, hints.scale, hints.intrinsics), True
+    def depth_of_scale(self, inpainted: UInt8Array, hints: Hints) -> DepthMap:
+        """Return the metric depth of the inpainted photo at the scale of the hints.
+
+        If the backend needs people and gets none, it is the depth of the scene.
+        """
+        from physic_core.engine.sizes import scaled_depth
+
+        chosen = self.backends["metric_depth"]
+        if "scale" in (chosen.backend.reads or ()):
+            with suppress(NoPersonError):
+                return self.stages.call_backend("metric depth", chosen, MetricDepthRequest(inpainted, hints))
+        assert hints.scene is not None
+        assert hints.scale is not None
+        return scaled_depth(hints.scene, hints.scale, hints.intrinsics)
 
     def missing_per_person(self, people: int) -> tuple[tuple[str, ...], ...]:
         """Return for each person the interfaces without valid values for them."""

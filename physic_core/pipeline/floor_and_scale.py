@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from physic_core.engine.sizes import ScaleVote, Witnesses
     from physic_core.engine.stance import Stance
     from physic_core.geometry.floor import FloorSearch
-    from physic_core.types import Bodies, BoolArray, FloatArray, Intrinsics, Keypoints, People, Pointmap
+    from physic_core.types import Bodies, BoolArray, DepthMap, FloatArray, Intrinsics, Keypoints, People, Pointmap
 
 RAISED_SURFACES = ("seat", "bed", "table", "cabinet", "vehicle")
 """Surfaces that can carry a foot above the ground."""
@@ -59,6 +59,7 @@ class FloorAndScale:
         scale: of the scene.
         warning: that the scale is a guess, or "".
         stance: of the N people.
+        depth: the given metric depth, at this scale; None without one, and if nobody's size gives the scale.
     """
 
     search: FloorSearch
@@ -66,6 +67,7 @@ class FloorAndScale:
     scale: SceneScale
     warning: str
     stance: Stance
+    depth: DepthMap | None = None
 
 
 def floor_evidence(people: People, hole: BoolArray, keypoints: Keypoints) -> FloorEvidence:
@@ -122,7 +124,11 @@ class PeopleInScene(NamedTuple):
 
 
 def find_floor_and_scale(
-    candidates: tuple[FloorCandidate, ...], evidence: FloorEvidence, given: PeopleInScene, model: BodyModel
+    candidates: tuple[FloorCandidate, ...],
+    evidence: FloorEvidence,
+    given: PeopleInScene,
+    model: BodyModel,
+    depth: DepthMap | None = None,
 ) -> FloorAndScale:
     """Choose the floor, and find the scale of the scene and who stands.
 
@@ -131,15 +137,18 @@ def find_floor_and_scale(
         evidence: of the floor.
         given: of the same photo.
         model: of the bodies.
+        depth: metric depth of the scene with a scale of its own, which votes, too.
     """
     from physic_core.engine.floor import chosen_floor
-    from physic_core.engine.sizes import vote_on_scale
+    from physic_core.engine.sizes import depth_witness, rescaled_depth, vote_on_scale
 
     seen, scene = _people_seen(given, model), given.scene
     planes = [_on_plane(candidate, seen) for candidate in candidates]
     scores, kinds = [p.log_score for p in planes], [(p.soles, p.camera) for p in planes]
     shift_sigma = scene.shift_sigma if scene.unknown == "inverse_scale_shift" else None
-    vote = vote_on_scale([seen.torsos, _usual_depth(scene)], kinds, scores, shift_sigma or 0.0)
+    own = None if depth is None else depth_witness(depth, scene, given.camera, seen.torsos)
+    anywhere = [seen.torsos, _usual_depth(scene), *([] if own is None else [own])]
+    vote = vote_on_scale(anywhere, kinds, scores, shift_sigma or 0.0)
     best = int(np.argmax(scores if vote is None else vote.weights))
     search, soles = chosen_floor(candidates, best, evidence), planes[best].soles
     plane = plane_of(search)
@@ -151,7 +160,8 @@ def find_floor_and_scale(
     stands = sum(w * _stands(vote, p, seen) for w, p in zip(vote.weights.tolist(), planes, strict=True))
     stance = replace(stance, stands=np.where(seen.feet, stands, stance.stands))
     notes = _notes(vote, soles, seen.torsos, seen.feet & (stance.stands > _STANDS))
-    return FloorAndScale(search, plane, replace(vote.scale, notes=notes), "", stance)
+    rescaled = None if depth is None or own is None else rescaled_depth(depth, own, vote, notes)
+    return FloorAndScale(search, plane, replace(vote.scale, notes=notes), "", stance, rescaled)
 
 
 class _Seen(NamedTuple):

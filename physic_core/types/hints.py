@@ -27,7 +27,7 @@ class Hints(ShortRepr):
         scene: relative point map of the inpainted photo.
         original: relative point map of the original photo, aligned to ``scene`` outside the people.
         floor: floor plane in the units of ``scene``.
-        scale: of ``scene``, by everything of known size that the photo shows; for the metric depth.
+        scale: of ``scene``, by everything of known size that the photo shows; for a metric depth that reads it.
         bodies: in metres, not yet placed in the scene, of the configured body model. ``joints`` are given if that model
             is a file of the user's, which no backend can load.
         photo: (H, W, 3) uint8 RGB, the original photo, if the given image is inpainted.

@@ -13,7 +13,7 @@ from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.engine.floor import FloorCandidate
 from physic_core.engine.scene.method import SceneMethod
-from physic_core.engine.sizes import scaled_depth
+from physic_core.engine.sizes import Witnesses, depth_witness, scaled_depth
 from physic_core.geometry.floor import PlaneFit
 from physic_core.geometry.rays import RayCaster
 from physic_core.pipeline.floor_and_scale import (
@@ -23,7 +23,7 @@ from physic_core.pipeline.floor_and_scale import (
     find_floor_and_scale,
     floor_evidence,
 )
-from physic_core.types import Bodies, Intrinsics, Keypoints, People, Pointmap, SurfaceLabels
+from physic_core.types import Bodies, CameraTrust, DepthMap, Intrinsics, Keypoints, People, Pointmap, SurfaceLabels
 from physic_core.types.known_sizes import KnownPeople
 
 HEIGHT, WIDTH = 180, 160
@@ -52,6 +52,7 @@ def level_floor(height_m: float, score: float = 5.0) -> FloorCandidate:
     return FloorCandidate(fit, score)
 
 
+NO_WITNESSES = Witnesses(*[np.zeros(0)] * 4, 0.0)
 NO_FLOOR = FloorCandidate(None, 1.5)
 FLOOR = (level_floor(CAMERA_HEIGHT), NO_FLOOR)
 
@@ -87,6 +88,12 @@ class World:
         given = self.given._replace(known=known, **changed)
         evidence = floor_evidence(given.people, np.zeros((HEIGHT, WIDTH), bool), given.keypoints)
         return find_floor_and_scale(candidates, evidence, given, load_body("embedded"))
+
+    def with_depth(self, factor: float, sigma: float | None = None, **changed) -> FloorAndScale:
+        """The answer with a metric depth that is this many times the true one."""
+        depth = DepthMap((self.depth * factor).astype(np.float32), None, sigma, ("a network",))
+        evidence = floor_evidence(self.given.people, np.zeros((HEIGHT, WIDTH), bool), self.given.keypoints)
+        return find_floor_and_scale(FLOOR, evidence, self.given._replace(**changed), load_body("embedded"), depth)
 
     def without_feet(self, *people: int) -> Bodies:
         observed = np.ones((len(self.given.people), 55), bool)
@@ -198,6 +205,43 @@ def test_people_who_contradict_each_other_make_the_scale_unsure():
 def test_a_known_stature_is_a_surer_witness(world):
     known = KnownPeople(stature=np.array([1.7, np.nan]))
     assert world.answer(known=known).scale.sigma < world.answer().scale.sigma
+
+
+def test_a_metric_depth_of_small_error_keeps_its_metres(world):
+    """Two children who are taken for adults do not change a measured depth."""
+    places = world.given.bodies.parameters
+    bodies = replace(world.given.bodies, parameters=replace(places, transl=places.transl * 1.3))
+    found = world.with_depth(1.0, 0.01, bodies=bodies)
+    assert np.nanmedian(found.depth.depth / world.depth) == pytest.approx(1, abs=0.02)
+    assert found.depth.scale_sigma < 0.05
+
+
+def test_people_and_a_metric_depth_of_like_errors_meet_between_them(world):
+    found = world.with_depth(1.2)
+    off = math.log(np.nanmedian(found.depth.depth / world.depth))
+    assert 0.02 < off < math.log(1.2) - 0.02
+    assert found.scale.sigma < world.answer().scale.sigma
+    assert found.depth.notes[0] == "a network"
+    assert f"multiplied by {math.exp(off) / 1.2:.2f}" in found.depth.notes[-1]
+
+
+def test_a_metric_depth_that_is_far_off_counts_little(world):
+    found = world.with_depth(3.0)
+    assert np.nanmedian(found.depth.depth / world.depth) == pytest.approx(1, abs=0.05)
+
+
+def test_a_metric_depth_is_converted_to_the_focal_length_of_the_bodies(world):
+    estimated = Intrinsics.from_focal(0.8 * CAMERA.fx, WIDTH, HEIGHT)
+    depth = DepthMap((0.8 * world.depth).astype(np.float32), estimated, 0.01)
+    witness = depth_witness(depth, world.given.scene, CAMERA, NO_WITNESSES)
+    assert witness.scale == pytest.approx(UNIT)
+    known = replace(depth, intrinsics=replace(estimated, trust=CameraTrust.KNOWN))
+    assert depth_witness(known, world.given.scene, CAMERA, NO_WITNESSES).scale == pytest.approx(0.8 * UNIT)
+
+
+def test_a_metric_depth_without_a_pixel_of_the_scene_says_nothing(world):
+    nothing = DepthMap(np.full((HEIGHT, WIDTH), np.nan, np.float32))
+    assert depth_witness(nothing, world.given.scene, CAMERA, NO_WITNESSES) is None
 
 
 def test_people_at_several_depths_show_the_shift_of_the_inverse_depth():

@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from physic_core.body.joints import JOINT_NAMES
+from physic_core.engine.sizes.evidence import DEPTH_SCALE_SIGMA
 from physic_core.errors import PhysicError
 from physic_core.geometry.rotations import rotvec_to_rotmat
 from physic_core.types.short_repr import ShortRepr
@@ -43,9 +44,6 @@ _POSE_SIGMAS: dict[str, float | tuple[float, float, float]] = {
     "elbow": (0.12, 0.3, 0.06),
     "wrist": 0.14,
 }
-DEPTH_SCALE_SIGMA = 0.1
-"""Expected error of log(scale) if the metric depth has no error estimate."""
-
 _ROOT_SIGMA = 0.3  # radians
 _HAND_SIGMA = 0.15  # radians
 _BETA_SIGMA = 0.5

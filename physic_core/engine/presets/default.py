@@ -14,7 +14,7 @@ from physic_core.engine.joint.context import JointContext, WeightedKeypoints, wi
 from physic_core.engine.joint.method import JointMethod
 from physic_core.engine.joint.optimiser import LbfgsSettings, OptimiserSettings
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.state import DEPTH_SCALE_SIGMA, State, StateSigmas
+from physic_core.engine.joint.state import State, StateSigmas
 from physic_core.engine.joint.term import Term
 from physic_core.engine.joint.terms.contact import CONTACT_RANGE_M, ContactTerm, ContactTermSettings
 from physic_core.engine.joint.terms.depth import DepthSettings, DepthTerm, depth_offset_sigmas
@@ -29,6 +29,7 @@ from physic_core.engine.joint.terms.soles import SoleSettings, SoleTerm
 from physic_core.engine.joint.terms.stature import StatureSettings, StatureTerm
 from physic_core.engine.joint.terms.surface import SurfaceTermGroup, SurfaceTerms
 from physic_core.engine.joint.terms.views import ViewsTerm
+from physic_core.engine.sizes.evidence import DEPTH_SCALE_SIGMA
 
 _LATE_TOLERANCE = 1e-3  # of the steps with the people term, a small share of an energy that has converged
 

@@ -36,6 +36,7 @@ class SceneMethod:
         uses_pointmap: whether the scene is the aligned point map rather than the metric depth alone.
         alignment: options of Eq. 1.
         min_floor_share: minimum inlier share of an accepted floor.
+        rescales_depth: whether metric depth gets the scale that it and the people say together, or keeps its own.
     """
 
     far_m: PositiveOrInfinite = 50.0
@@ -49,6 +50,7 @@ class SceneMethod:
     uses_pointmap: ClassVar[bool] = True
     alignment: ClassVar[AlignmentOptions] = AlignmentOptions(METRIC_DEPTH_TOLERANCE)
     min_floor_share: ClassVar[float] = 0.05
+    rescales_depth: ClassVar[bool] = True
 
     def share_camera(self, points: Tensor, depth: Tensor, cameras: Cameras) -> tuple[Tensor, Tensor, Cameras]:
         """Return point map (H, W, 3), metric depth (H, W) and cameras, converted to one camera."""

@@ -5,6 +5,7 @@ people. :mod:`.known_sizes` and :mod:`.people_in_scene`, which compare with size
 are given.
 """
 
+from physic_core.engine.sizes.own_depth import depth_witness, rescaled_depth
 from physic_core.engine.sizes.person_scales import scales_by_soles, scales_by_torsos
 from physic_core.engine.sizes.scale_vote import ScaleVote, Witnesses, scaled_depth, vote_on_scale
 from physic_core.engine.sizes.stature import (
@@ -23,7 +24,9 @@ __all__ = [
     "Witnesses",
     "adult_shape",
     "betas_with_stature",
+    "depth_witness",
     "linearise_stature",
+    "rescaled_depth",
     "resize_bodies",
     "scaled_depth",
     "scales_by_soles",

@@ -22,6 +22,9 @@ FACTOR_SPREAD = 0.05
 CONTRADICTION = 3 * FACTOR_SPREAD
 """Difference of logarithms beyond which the photo contradicts a given size: three standard errors."""
 
+DEPTH_SCALE_SIGMA = 0.1
+"""Standard deviation of log(scale) of a metric depth whose backend states none."""
+
 USUAL_CAMERA_HEIGHT_M = 1.45
 """Median height of a camera above the floor: people hold it at their chest or eyes, and some hang high indoors."""
 

@@ -40,6 +40,7 @@ class PaperScene(SceneMethod):
 
     alignment: ClassVar[AlignmentOptions] = released_alignment_options(METRIC_DEPTH_TOLERANCE)
     min_floor_share: ClassVar[float] = MIN_INLIER_SHARE
+    rescales_depth: ClassVar[bool] = False
 
     def share_camera(self, points: Tensor, depth: Tensor, cameras: Cameras) -> tuple[Tensor, Tensor, Cameras]:
         """Return the arguments: each map keeps its camera."""
@@ -89,6 +90,7 @@ class ProxScene(SceneMethod):
     carve_m: NotNegative = 0.0
 
     uses_pointmap: ClassVar[bool] = False
+    rescales_depth: ClassVar[bool] = False
 
     def surface(self, points: Tensor, known: Tensor) -> PixelSurface:
         """Return normals over depth edges; nothing is removed."""

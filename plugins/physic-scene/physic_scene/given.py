@@ -41,8 +41,9 @@ class SolvedBodies(BodyEstimator):
 
 
 class SolvedDepth(MetricDepth):
-    """Returns the depth of the reference photo at the scale of all photos."""
+    """Returns the depth of the reference photo at the scale of all photos, on which nothing votes again."""
 
+    reads = ("scale",)
     _depth: DepthMap
 
     @classmethod

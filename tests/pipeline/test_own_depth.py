@@ -1,0 +1,34 @@
+"""A metric depth with a scale of its own in a whole run: its metres count beside the sizes of people."""
+
+from __future__ import annotations
+
+import pytest
+
+from physic_core import load_config, reconstruct
+from physic_testing.worlds import World
+
+pytestmark = pytest.mark.usefixtures("few_steps")
+
+EXACT = [f"{name}.options.noise=0" for name in ("metric_depth", "relative_pointmap", "body_estimator")]
+
+
+def run(world: World, *settings: str):
+    config = load_config(preset="mock", overrides=["run.cache=false", *EXACT, *settings])
+    return reconstruct(world.image, config)
+
+
+def camera_height(result, world: World) -> float:
+    return result.scene.floor.offset / world.floor.offset
+
+
+def test_a_measured_depth_gives_the_metres_whatever_the_size_of_the_bodies(world: World) -> None:
+    settings = ("body_estimator.options.noise=1", "body_estimator.options.stature_bias=0.15")
+    found = run(world, "metric_depth.options.stated_sigma=0.01", *settings)
+    assert camera_height(found, world) == pytest.approx(1, abs=0.04)
+    assert any("metric depth counts beside them" in note for note in found.notes)
+
+
+def test_people_correct_a_metric_depth_that_is_far_off(world: World) -> None:
+    found = run(world, "metric_depth.options.scale=2")
+    assert camera_height(found, world) == pytest.approx(1, abs=0.1)
+    assert any("multiplied by 0.5" in note for note in found.notes)
