@@ -65,8 +65,9 @@ def summary_record(record: ResultRecord, folder: Path) -> dict[str, Any]:
             "person": person.index,
             "grade": person.grade,
             "distance_m": _distance(person),
-            "distance_sigma_m": _distance_sigma(person, record),
+            "distance_sigma_m": _times(_distance(person), person.distance_sigma),
             "stature_m": person.stature,
+            "stature_sigma_m": _times(person.stature, person.stature_sigma),
             "contact_vertices": person.contact_count,
             "vertices": person.vertex_count,
             "contacts": person.contacts,
@@ -132,7 +133,7 @@ def summary_text(
 
 def _row(person: PersonRecord, record: ResultRecord) -> tuple[str, ...]:
     distance = _distance(person)
-    place = "-" if distance is None else metres_text(distance, record.scene.distance_sigma, 1)
+    place = "-" if distance is None else metres_text(distance, person.distance_sigma, 1)
     return str(person.index), person.grade or "-", place, _contact(person), _reason(person, record.checks)
 
 
@@ -170,10 +171,9 @@ def _distance(person: PersonRecord) -> float | None:
     return math.hypot(*pelvis) if pelvis is not None and all(map(math.isfinite, pelvis)) else None
 
 
-def _distance_sigma(person: PersonRecord, record: ResultRecord) -> float | None:
-    """Return the standard deviation of the distance of a person, metres; None if it or the distance is not known."""
-    distance, sigma = _distance(person), record.scene.distance_sigma
-    return None if distance is None or sigma is None else distance * sigma
+def _times(metres: float | None, log_sigma: float | None) -> float | None:
+    """Return the standard deviation of a length, metres, from that of its logarithm; None if one is not known."""
+    return None if metres is None or log_sigma is None else metres * log_sigma
 
 
 def _no_body(one: UnposedPerson) -> str:

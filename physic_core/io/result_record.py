@@ -18,6 +18,7 @@ class PersonRecord:
     Attributes:
         index: into the people of the result.
         pelvis: x, y, z in the camera frame, metres; NaN or None without a body.
+        distance_sigma: standard deviation of the logarithm of the distance from the camera; None if it is not known.
         contact_count: number of vertices in contact.
         vertex_count: of all vertices.
         states_partners: whether the result states what is touched.
@@ -27,22 +28,17 @@ class PersonRecord:
 
     index: int
     pelvis: tuple[float, float, float] | None
+    distance_sigma: float | None
     contact_count: int
     vertex_count: int
     states_partners: bool
     grade: Grade | None
     stature: float | None
+    stature_sigma: float | None
     contacts: tuple[BodyContact, ...]
     support: Support | None
     failed_checks: tuple[str, ...]
     unknown_checks: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class SceneRecord:
-    """Standard deviation of the logarithm of all distances; None if it is not known."""
-
-    distance_sigma: float | None
 
 
 @dataclass(frozen=True)
@@ -58,7 +54,6 @@ class ResultRecord:
     files: Mapping[str, str]
     grade: Grade | None
     people: tuple[PersonRecord, ...]
-    scene: SceneRecord
     unposed: tuple[UnposedPerson, ...]
     intrinsics: Intrinsics
     checks: tuple[CheckResult, ...]

@@ -196,12 +196,13 @@ def _document(reconstruction: Reconstruction, arrays: Arrays) -> dict[str, Any]:
     """
     texts = {name: to_json(getattr(reconstruction, name)) for name in ("config", "diagnostics")}
     values = split(replace(reconstruction, **texts), arrays)
+    sigmas = reconstruction.distance_sigmas
     for index, (record, person) in enumerate(zip(values["people"], reconstruction.people, strict=True)):
         record["index"] = index
         record["pelvis"] = to_json(person.joints[0]) if len(person.joints) else None
         record["contact_count"], record["vertex_count"] = int(np.sum(person.contact)), len(person.vertices)
+        record["distance_sigma"] = to_json(sigmas[index])
         record["states_partners"] = person.contact_partner is not None
-    values["scene"]["distance_sigma"] = to_json(reconstruction.distance_sigma)
     run = hashlib.sha256(json.dumps(values).encode()).hexdigest()[:16]
     frame = _FRAME | {"gltf_from_camera": gltf_from_camera(reconstruction.scene.floor).tolist()}
     return {"schema": SCHEMA, "schema_version": SCHEMA_VERSION, "run": run, "frame": frame, **values}

@@ -68,6 +68,10 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, PeoplePrompt, UInt8Array
 
 
+SIZES_OF_ADULTS = "sizes assume adults; for a child give --age"
+"""Note of a result with people and no known size."""
+
+
 @dataclass(frozen=True)
 class ChosenByUser:
     """The user's choices and known sizes, in px of the image.
@@ -159,6 +163,8 @@ def run_backends(
     chosen = chosen or ChosenByUser()
     people = run.people(image, chosen.people, required=plan.photo.require_people)
     known = _known_people(chosen, people)
+    if len(people) and not chosen.known:
+        stages.note(SIZES_OF_ADULTS)
     keypoints = run.keypoints(image, people)
 
     hole, objects = _removed(people, keypoints, plan, image.shape)

@@ -167,7 +167,7 @@ def find_floor_and_scale(
 class _Seen(NamedTuple):
     """N people and what the photo shows of their sizes: sigma (N,) of each one's, and visible feet (N, 2) bool.
 
-    ``real`` (N,) is the probability that they are people at all, as the segmenter says.
+    ``real`` (N,) is the probability that they are people at all, as the segmenter says, and no children.
     """
 
     model: BodyModel
@@ -187,7 +187,7 @@ def _people_seen(given: PeopleInScene, model: BodyModel) -> _Seen:
 
     from physic_core.body.joints import JOINT_INDEX
     from physic_core.body.parameters import rotations_from_parameters
-    from physic_core.engine.sizes import Witnesses, scales_by_torsos
+    from physic_core.engine.sizes import Witnesses, adult_probability, scales_by_torsos
     from physic_core.geometry.tensors import tensor
 
     p, count = given.bodies.parameters, len(given.people)
@@ -197,7 +197,8 @@ def _people_seen(given: PeopleInScene, model: BodyModel) -> _Seen:
     vertices = posed.vertices.double().cpu().numpy()
     observed = np.ones((count, 55), bool) if given.bodies.observed is None else np.asarray(given.bodies.observed, bool)
     feet = np.stack([observed[:, [JOINT_INDEX[f"{s}_{j}"] for j in ("ankle", "foot")]].all(1) for s in SIDES], 1)
-    sigma = _size_sigmas(given)
+    sizes = _sizes_of_people(given)
+    sigma, real = _size_sigmas(given, *sizes), given.people.scores * adult_probability(*sizes)
     farther, spread = given.photo.people_farther or (0.0, _TORSO_SIGMA)
     stance, depth_right = _stance_without_floor(given, observed)
     by_torsos = scales_by_torsos(vertices, model, given.people.masks, given.photo, given.camera.matrix)
@@ -205,11 +206,11 @@ def _people_seen(given: PeopleInScene, model: BodyModel) -> _Seen:
         scale=by_torsos * math.exp(farther),
         depth=vertices[..., 2].mean(1),
         sigma=np.hypot(np.hypot(sigma, spread), _TORSO_SIGMA),
-        sure=_TORSO_SURE * depth_right * given.people.scores,
+        sure=_TORSO_SURE * depth_right * real,
         shared_sigma=_PEOPLE_SIGMA,
         shared_wrong=_PEOPLE_WRONG,
     )
-    return _Seen(model, vertices, posed.joints.cpu(), observed, feet, given.people.scores, stance, sigma, torsos)
+    return _Seen(model, vertices, posed.joints.cpu(), observed, feet, real, stance, sigma, torsos)
 
 
 def _stance_without_floor(given: PeopleInScene, observed: BoolArray) -> tuple[Stance, FloatArray]:
@@ -230,16 +231,21 @@ def _stance_without_floor(given: PeopleInScene, observed: BoolArray) -> tuple[St
     return Stance(touch, gap.numpy(), on_furniture, stands, np.full(len(people), np.nan)), depth_right
 
 
-def _size_sigmas(given: PeopleInScene) -> FloatArray:
+def _sizes_of_people(given: PeopleInScene) -> tuple[FloatArray, FloatArray]:
+    """Return the known statures (N,), metres, and ages (N,), years, NaN where unknown."""
+    unknown = np.full(len(given.people), np.nan)
+    stature, years = (unknown if x is None else x for x in (given.known.stature, given.known.years))
+    return stature, years
+
+
+def _size_sigmas(given: PeopleInScene, stature: FloatArray, years: FloatArray) -> FloatArray:
     """Return the standard deviation (N,) of the log size of each person, larger for those whom the photo shows less.
 
     Shown are the side of the mask's area, and the confidence of shoulders, hips, knees and ankles.
     """
     from physic_core.engine.sizes import stature_sigmas
 
-    keypoints, known = given.keypoints, given.known
-    unknown = np.full(len(given.people), np.nan)
-    sigma = stature_sigmas(*(unknown if x is None else x for x in (known.stature, known.years)))
+    keypoints, sigma = given.keypoints, stature_sigmas(stature, years)
     row = {name: i for i, name in enumerate(keypoints.joint_set.names)}
     used = [row[f"{side}_{joint}"] for side in SIDES for joint in _LIMBS if f"{side}_{joint}" in row]
     confidence = np.maximum(keypoints.confidence[:, used].mean(1), 1e-3) if used else 1.0

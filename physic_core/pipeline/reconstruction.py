@@ -55,6 +55,7 @@ def build_reconstruction(
                 unknown_checks=unknown_checks(checks, i),
                 grade=grades[i],
                 stature=statures[i] if math.isfinite(statures[i]) else None,
+                stature_sigma=solution.people[i]["size_sigma"] if math.isfinite(statures[i]) else None,
                 age=None if estimates.ages is None or math.isnan(estimates.ages[i]) else float(estimates.ages[i]),
             )
         )

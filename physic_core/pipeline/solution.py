@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from physic_core.body.joints import NUM_JOINTS
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.engine.contact.partner import DECIMALS
 from physic_core.engine.scene.solve import alignment_diagnostics
+from physic_core.engine.sizes import size_sigmas
 from physic_core.pipeline.measures import moved_scene
 from physic_core.pipeline.person_measures import measure_people
 from physic_core.types import NO_PARTNER, BodyParameters, CameraTrust, Intrinsics, Plane, Scene
@@ -91,19 +92,23 @@ def assemble_solution(
         result: of stage 3.
         touch: of stage 4.
     """
-    s = result.scene_scale
+    s, sigma = result.scene_scale, problem.scale_sigma
+    unknown = np.full(len(problem), np.nan)
+    stature, years = (unknown if x is None else x for x in (estimates.statures, estimates.ages))
+    sizes = size_sigmas(stature, years, sigma if problem.views or placed.size_ratio is not None else None)
     people = tuple(
-        {**{f"placement_{k}": v for k, v in start.items()}, **more, "moved_scene_m": moved}
-        for start, more, moved in zip(
+        {**{f"placement_{k}": v for k, v in start.items()}, **more, "moved_scene_m": moved, "size_sigma": size}
+        for start, more, moved, size in zip(
             placed.placement.diagnostics,
             measure_people(problem, result, touch),
             _moved_scene(problem.masks, scene, s),
+            sizes.tolist(),
             strict=True,
         )
     )
     return Solution(
         intrinsics=_intrinsics(scene.K, estimates),
-        scene=_scene(scene, s, estimates),
+        scene=_scene(scene, s, sigma, estimates),
         parameters=parameters_from_rotations(result.rotations, result.betas, problem.expression0, result.transl),
         vertices=result.vertices.float().cpu().numpy(),
         joints=result.joints.float().cpu().numpy(),
@@ -139,7 +144,7 @@ def scene_alone(estimates: Estimates, scene: SceneState, model: BodyModel, scale
     expression = betas.new_zeros(0, model.num_expression)
     return Solution(
         intrinsics=_intrinsics(scene.K, estimates),
-        scene=replace(_scene(scene, 1.0, estimates), scale_sigma=scale_sigma),
+        scene=_scene(scene, 1.0, scale_sigma, estimates),
         parameters=parameters_from_rotations(rotations, betas, expression, transl),
         vertices=np.zeros((0, model.num_vertices, 3), np.float32),
         joints=np.zeros((0, NUM_JOINTS, 3), np.float32),
@@ -163,7 +168,7 @@ def _intrinsics(K: Tensor, estimates: Estimates) -> Intrinsics:
     return Intrinsics(fx, fy, cx, cy, width, height, *_camera_source(K, estimates))
 
 
-def _scene(scene: SceneState, scale: float, estimates: Estimates) -> Scene:
+def _scene(scene: SceneState, scale: float, scale_sigma: float | None, estimates: Estimates) -> Scene:
     """Convert the scene of the engine, multiplied by the scale of stage 3."""
     floor = None
     if scene.floor_normal is not None:
@@ -176,7 +181,7 @@ def _scene(scene: SceneState, scale: float, estimates: Estimates) -> Scene:
         floor=floor,
         floor_points=(scene.floor_points * scale).float().numpy(),
         scale=scale,
-        scale_sigma=estimates.depth.scale_sigma,
+        scale_sigma=scale_sigma,
     )
 
 

@@ -23,6 +23,7 @@ PERSON_COLUMNS: Mapping[str, str] = {
     "distance_m": "of the pelvis from the camera; empty without a body",
     "distance_sigma_m": "standard deviation of the distance; empty where it is not known",
     "stature_m": "standing height of the body; empty without a body",
+    "stature_sigma_m": "standard deviation of the stature, in which people of unknown age may be children",
     "contacts": "body parts that are likely (one half or more) to touch something, each with what it touches",
 }
 """Columns of ``people.csv``."""
@@ -32,8 +33,8 @@ def person_rows(result: Reconstruction) -> list[dict[str, Any]]:
     """Return a row for each person: the columns of :data:`PERSON_COLUMNS` but the photo; None where unknown."""
     main = main_people([person.box for person in result.people])
     rows = []
-    for index, person in enumerate(result.people):
-        distance, sigma = _distance_m(person), result.distance_sigma
+    for index, (person, sigma) in enumerate(zip(result.people, result.distance_sigmas, strict=True)):
+        distance = _distance_m(person)
         rows.append(
             {
                 "person": index,
@@ -41,8 +42,9 @@ def person_rows(result: Reconstruction) -> list[dict[str, Any]]:
                 "grade": str(person.grade or ""),
                 "why": _why(person, [check for check in result.checks if check.person == index]),
                 "distance_m": _millimetres(distance),
-                "distance_sigma_m": _millimetres(None if distance is None or sigma is None else distance * sigma),
+                "distance_sigma_m": _millimetres(_times(distance, sigma)),
                 "stature_m": _millimetres(person.stature),
+                "stature_sigma_m": _millimetres(_times(person.stature, person.stature_sigma)),
                 "contacts": "; ".join(
                     f"{part_words(one.part)}: {one.partner.title}" for one in person.contacts if one.likely
                 ),
@@ -62,6 +64,10 @@ def _why(person: Person, checks: Sequence[CheckResult]) -> str:
 def _distance_m(person: Person) -> float | None:
     pelvis = person.joints[0].tolist() if len(person.joints) else [math.nan]
     return math.hypot(*pelvis) if all(map(math.isfinite, pelvis)) else None
+
+
+def _times(metres: float | None, log_sigma: float | None) -> float | None:
+    return None if metres is None or log_sigma is None else metres * log_sigma
 
 
 def _millimetres(metres: float | None) -> float | None:

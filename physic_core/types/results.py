@@ -43,7 +43,7 @@ class Scene(ShortRepr):
         floor: plane, or None if none was found.
         floor_points: (M, 3) float32 sampled on the plane.
         scale: the factor that the joint optimisation applied to the scene (already in the points).
-        scale_sigma: standard deviation of log(scale) as estimated by the metric depth backend, or None.
+        scale_sigma: standard deviation of log(scale), or None.
     """
 
     points: FloatArray = field(metadata=shape("H", "W", 3))
@@ -90,6 +90,8 @@ class Person(ShortRepr):
         grade: how far the body can be trusted, or None without grades.
         age: years, as given; None where unknown.
         stature: standing height of the body from soles to crown, metres; None without a body.
+        stature_sigma: standard deviation of log(stature), which includes children among people of unknown age; None
+            without a body.
         faces: (F, 3) int32, triangles of the vertices; set by the ``Reconstruction`` that contains the person.
     """
 
@@ -114,6 +116,7 @@ class Person(ShortRepr):
     world_contact: Mapping[str, float] | None = None
     age: float | None = None
     stature: float | None = None
+    stature_sigma: float | None = None
 
     def mesh(self) -> Any:
         """Return the body as a ``trimesh.Trimesh``, metres, camera frame (x right, y down, z forward).
@@ -189,10 +192,22 @@ class Reconstruction(ShortRepr):
 
     @property
     def distance_sigma(self) -> float | None:
-        """Standard deviation of the logarithm of all distances from the camera, by the stated errors of scale and focal
+        """Standard deviation of the logarithm of all distances in the scene, by the stated errors of scale and focal
         length; None if the scale has none."""
-        sigma, camera = self.scene.scale_sigma, self.intrinsics
-        return None if sigma is None else math.hypot(sigma, 0.0 if camera.known else camera.focal_sigma or 0.0)
+        sigma = self.scene.scale_sigma
+        return None if sigma is None else math.hypot(sigma, self._focal_sigma)
+
+    @property
+    def distance_sigmas(self) -> tuple[float | None, ...]:
+        """The same of each person's distance from the camera, by the larger error of scale and stature; None where no
+        error is stated."""
+        own = (person.stature_sigma for person in self.people)
+        known = ([sigma for sigma in (one, self.scene.scale_sigma) if sigma is not None] for one in own)
+        return tuple(math.hypot(max(sigmas), self._focal_sigma) if sigmas else None for sigmas in known)
+
+    @property
+    def _focal_sigma(self) -> float:
+        return 0.0 if self.intrinsics.known else self.intrinsics.focal_sigma or 0.0
 
     def __repr__(self) -> str:
         people, warnings, sigma = len(self.people), len(self.warnings), self.scene.scale_sigma

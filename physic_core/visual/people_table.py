@@ -76,7 +76,7 @@ def draw_person_number(pen: ImageDraw.ImageDraw, x: float, y: float, index: int)
 def _cells(reconstruction: Reconstruction, index: int, touch_px: float, why_px: float) -> list[list[Line]]:
     """Return the lines of grade, distance, contact and reasons, each with its colour."""
     person = reconstruction.people[index]
-    distance, sigma = float(np.linalg.norm(person.joints[0])), reconstruction.distance_sigma
+    distance, sigma = float(np.linalg.norm(person.joints[0])), reconstruction.distance_sigmas[index]
     likely = "; ".join(str(contact) for contact in person.contacts if contact.likely)
     possible = "; ".join(str(contact) for contact in person.contacts if not contact.likely)
     touches: list[Line] = []

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 
 from physic_core import engine_preset
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.sizes import linearise_stature, stature_prior
+from physic_core.engine.sizes import linearise_stature, size_sigmas, stature_prior
 from physic_core.engine.sizes.stature import STATURE_SIGMA
 
 from .adjusted import adjusted
@@ -37,6 +38,22 @@ def test_the_gradient_of_the_stature_term_is_exact(body):
     )
     expected = torch.tensor([1.7, 1.6], dtype=torch.float64)
     assert torch.autograd.gradcheck(lambda b: stature_prior(stature(b), expected, 0.04), betas)
+
+
+def test_the_size_of_people_of_unknown_age_includes_children():
+    nan = np.nan
+    stature, years = np.array([nan, nan, nan, 1.7]), np.array([nan, 40.0, 8.0, nan])
+    unknown, adult, child, measured = size_sigmas(stature, years)
+    assert 0.1 < unknown < 0.13
+    assert adult == pytest.approx(STATURE_SIGMA)
+    assert 0.04 < child < adult
+    assert measured < 0.01
+
+
+def test_a_scene_of_known_size_gives_the_size_of_people_of_unknown_age():
+    nan = np.array([np.nan])
+    assert size_sigmas(nan, nan, 0.01) == pytest.approx(math.hypot(0.01, 0.05))
+    assert size_sigmas(nan, nan, 0.5) == size_sigmas(nan, nan)
 
 
 def spread_of_stature(body):

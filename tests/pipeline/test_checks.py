@@ -91,7 +91,7 @@ def case(**changes: Any) -> tuple[Any, Any, EngineSettings]:
     evidence = SimpleNamespace(
         bodies=SimpleNamespace(observed=observed),
         views=(),
-        depth=SimpleNamespace(scale_sigma=known["sigma"], intrinsics=None),
+        depth=SimpleNamespace(intrinsics=None),
         missing_results=(known["lost"],),
         keypoints=keypoints_at(joints, known["camera"], known["off"], known["moved"]),
         people=SimpleNamespace(
@@ -107,7 +107,7 @@ def case(**changes: Any) -> tuple[Any, Any, EngineSettings]:
         failures=(known["failure"],),
         joints=joints[None],
         intrinsics=known["camera"],
-        scene=SimpleNamespace(scale=known["scale"], floor=floor),
+        scene=SimpleNamespace(scale=known["scale"], scale_sigma=known["sigma"], floor=floor),
         diagnostics={
             "scene": {
                 "alignment": {"inlier_share": known["scene_share"]},

@@ -207,6 +207,11 @@ def test_a_known_stature_is_a_surer_witness(world):
     assert world.answer(known=known).scale.sigma < world.answer().scale.sigma
 
 
+def test_people_of_known_age_are_surer_witnesses_than_those_who_may_be_children(world):
+    known = KnownPeople(years=np.array([40.0, 40.0]))
+    assert world.answer(known=known).scale.sigma < world.answer().scale.sigma
+
+
 def test_a_metric_depth_of_small_error_keeps_its_metres(world):
     """Two children who are taken for adults do not change a measured depth."""
     places = world.given.bodies.parameters

@@ -68,6 +68,8 @@ def test_the_camera_stands_at_the_given_height(stand: World, height: float, pres
     result = run(stand, KnownSizes(camera_height=height), f"engine.preset={preset}")
     assert result.scene.floor.offset == pytest.approx(height, rel=0.01)
     assert given_and_result(result)["the camera height"] == (height, pytest.approx(height, rel=0.01))
+    assert result.scene.scale_sigma == pytest.approx(0.01)
+    assert result.people[0].stature_sigma == pytest.approx(math.hypot(0.01, 0.05))
 
 
 def test_two_points_of_the_scene_are_as_far_apart_as_given(stand: World) -> None:

@@ -30,6 +30,17 @@ def test_distances_have_no_interval_without_an_error_of_the_scale(reconstruction
     assert replace(reconstruction, scene=replace(reconstruction.scene, scale_sigma=None)).distance_sigma is None
 
 
+@pytest.mark.parametrize(("own", "scale", "expected"), [(0.2, 0.07, 0.2), (0.01, 0.07, 0.07), (0.2, None, 0.2)])
+def test_a_person_is_as_far_off_as_scale_or_stature_at_worst(
+    reconstruction: Reconstruction, own: float, scale: float | None, expected: float
+) -> None:
+    people = (replace(reconstruction.people[0], stature_sigma=own), *reconstruction.people[1:])
+    camera = replace(reconstruction.intrinsics, trust=CameraTrust.KNOWN)
+    scene = replace(reconstruction.scene, scale_sigma=scale)
+    result = replace(reconstruction, people=people, intrinsics=camera, scene=scene)
+    assert result.distance_sigmas == (pytest.approx(expected), *[scale] * (len(people) - 1))
+
+
 def test_a_length_is_written_with_its_standard_deviation() -> None:
     assert metres_text(4.2, 0.25) == "4.20 ± 1.05 m"
     assert metres_text(12.5, 0.07, 1) == "12.5 ± 0.9 m"

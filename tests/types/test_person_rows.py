@@ -27,6 +27,7 @@ def two_people(reconstruction: Reconstruction) -> Reconstruction:
         grade=Grade.GOOD,
         joints=np.broadcast_to([0.0, 1.8, 2.4], near.joints.shape),
         stature=1.7234,
+        stature_sigma=0.05,
         contacts=(*contacts, BodyContact("right_foot", floor, 0.49, 20)),
     )
     far = replace(
@@ -52,6 +53,7 @@ def test_a_row_says_where_a_person_is_and_what_is_known(two_people: Reconstructi
             "distance_m": 3.0,
             "distance_sigma_m": 0.21,
             "stature_m": 1.723,
+            "stature_sigma_m": 0.086,
             "contacts": "left foot: floor; buttocks: left hand of person 1",
         },
         {
@@ -62,6 +64,7 @@ def test_a_row_says_where_a_person_is_and_what_is_known(two_people: Reconstructi
             "distance_m": None,
             "distance_sigma_m": None,
             "stature_m": None,
+            "stature_sigma_m": None,
             "contacts": "",
         },
     ]

@@ -10,10 +10,12 @@ from physic_core.engine.sizes.person_scales import scales_by_soles, scales_by_to
 from physic_core.engine.sizes.scale_vote import ScaleVote, Witnesses, scaled_depth, vote_on_scale
 from physic_core.engine.sizes.stature import (
     ADULT_STATURE_M,
+    adult_probability,
     adult_shape,
     betas_with_stature,
     linearise_stature,
     resize_bodies,
+    size_sigmas,
     stature_prior,
     stature_sigmas,
 )
@@ -22,6 +24,7 @@ __all__ = [
     "ADULT_STATURE_M",
     "ScaleVote",
     "Witnesses",
+    "adult_probability",
     "adult_shape",
     "betas_with_stature",
     "depth_witness",
@@ -31,6 +34,7 @@ __all__ = [
     "scaled_depth",
     "scales_by_soles",
     "scales_by_torsos",
+    "size_sigmas",
     "stature_prior",
     "stature_sigmas",
     "vote_on_scale",

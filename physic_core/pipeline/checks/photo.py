@@ -57,7 +57,7 @@ def check_photo(estimates: Estimates, solution: Solution, settings: EngineSettin
     )
     yield from _check_floor(report["scene"]["floor"], settings)
     yield _check_tilt(solution)
-    yield from _check_scale(estimates, solution)
+    yield from _check_scale(solution)
     yield from _check_focal(estimates, solution)
     unposed = len(estimates.people.unposed)
     yield Measurement(
@@ -102,8 +102,8 @@ def _check_tilt(solution: Solution) -> Measurement:
     )
 
 
-def _check_scale(estimates: Estimates, solution: Solution) -> Iterator[Measurement]:
-    sigma, scale = estimates.depth.scale_sigma, solution.scene.scale
+def _check_scale(solution: Solution) -> Iterator[Measurement]:
+    sigma, scale = solution.scene.scale_sigma, solution.scene.scale
     yield Measurement(
         "scale_sigma",
         sigma,

@@ -209,7 +209,7 @@ def test_a_click_on_a_person_shows_their_numbers(page, result):
     click(page, "[data-view=people]")
     assert page.evaluate("document.querySelector('.chips [aria-pressed=true]').innerText") == "Person 1"
     assert "doubtful" in card
-    assert metres_text(float(np.linalg.norm(result.people[1].joints[0])), result.distance_sigma) in card
+    assert metres_text(float(np.linalg.norm(result.people[1].joints[0])), result.distance_sigmas[1]) in card
     apart = np.linalg.norm(result.people[0].joints[0] - result.people[1].joints[0])
     assert metres_text(float(apart), result.distance_sigma) in card
     assert "1 not measured" in card

@@ -53,7 +53,9 @@ class PersonRecord:
         contacts: ``part``, ``partner``, ``color`` sRGB, ``probability``, ``likely`` of each contact.
         support: sentence on what carries the person.
         stature: metres.
+        stature_sigma: standard deviation of its logarithm.
         camera: distance of the pelvis from the camera, metres.
+        distance_sigma: standard deviation of its logarithm.
         pelvis: (3,) metres, camera frame.
         pelvis_height: over the floor, metres.
         lowest: height of the lowest vertex over the floor, metres.
@@ -73,7 +75,9 @@ class PersonRecord:
     contacts: list[dict[str, Any]]
     support: str | None
     stature: float | None = None
+    stature_sigma: float | None = None
     camera: float | None = None
+    distance_sigma: float | None = None
     pelvis: list[float] | None = None
     pelvis_height: float | None = None
     lowest: float | None = None
@@ -87,12 +91,13 @@ def people_records(reconstruction: Reconstruction) -> list[dict[str, Any]]:
     gaps = _gaps(reconstruction)
     records = []
     for index, person in enumerate(reconstruction.people):
-        record = _record(person, index)
+        record = replace(_record(person, index), distance_sigma=reconstruction.distance_sigmas[index])
         if record.posed:
             record = _with_distances(record, reconstruction, index, gaps)
             if model is not None and model.num_vertices == len(person.vertices):
                 contact = _contact_by_part(reconstruction, person, model)
                 record = replace(record, stature=_stature(person, model), contact=contact)
+                record = replace(record, stature_sigma=person.stature_sigma)
         records.append(asdict(record))
     return records
 

@@ -33,8 +33,8 @@ function personCard(data, index) {
     card.append(element("p", { textContent: "There is no body: a backend gave no finite values for this person." }));
   } else {
     card.append(facts([
-      ["Stature", metres(person.stature, data.scale_sigma)],
-      ["To the camera (pelvis)", metres(person.camera, data.distance_sigma)],
+      ["Stature", metres(person.stature, person.stature_sigma)],
+      ["To the camera (pelvis)", metres(person.camera, person.distance_sigma)],
       ["Pelvis over the floor", data.floor ? metres(person.pelvis_height, data.scale_sigma) : "no floor"],
       ["Lowest point over the floor", data.floor ? metres(person.lowest, data.scale_sigma) : "no floor"],
       ["Detection score", person.score === null ? "unknown" : person.score.toFixed(2)],
