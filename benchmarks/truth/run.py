@@ -109,6 +109,8 @@ def measured_fields(result: Reconstruction, size: tuple[int, int], sample: Sampl
                 "parts": dict(person.world_contact or {}),
                 "failed_checks": list(person.failed_checks),
                 "grade": person.grade,
+                "distance_sigma": result.distance_sigmas[len(people)],
+                "stature_sigma": person.stature_sigma,
             }
         )
     floor = result.scene.floor
@@ -120,6 +122,7 @@ def measured_fields(result: Reconstruction, size: tuple[int, int], sample: Sampl
             {"name": c.name, "person": c.person, "value": c.value, "state": str(c.state)} for c in result.checks
         ],
         "grade": result.grade,
+        "scale_sigma": result.scene.scale_sigma,
         "warnings": list(result.warnings),
     }
     if "depth_file" in sample.truth:

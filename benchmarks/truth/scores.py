@@ -186,7 +186,16 @@ def _person(sample: Sample, name: str, truth: Array, up: Array | None, person: M
     record: Record = {**_of(sample), "person": name, "found": person is not None, "posture": posture}
     if person is not None:
         record |= pose_errors(joints_of(person), truth) | {"grade": person.get("grade")}
+        distance, stature = person.get("distance_sigma"), person.get("stature_sigma")
+        record["distance_sigma"] = distance or math.nan
+        record["distance_in_sigmas"] = _in_sigmas(record["pelvis_depth_ratio"], distance)
+        record["stature_in_sigmas"] = _in_sigmas(record["bones_ratio"], stature)
     return record
+
+
+def _in_sigmas(ratio: float, log_sigma: float | None) -> float:
+    """Error of the logarithm over its stated standard deviation; NaN where one is unknown."""
+    return math.log(ratio) / log_sigma if log_sigma and ratio > 0 else math.nan
 
 
 def _floor(sample: Sample, answer: Answer, up: Array, height: float) -> Record:
@@ -194,4 +203,5 @@ def _floor(sample: Sample, answer: Answer, up: Array, height: float) -> Record:
     record = {**_of(sample), **floor_errors(floor, up, height)}
     record["missing"] = not record["floor"]
     record["camera_height_off"] = abs(record["camera_height_ratio"] - 1)
+    record["scale_in_sigmas"] = _in_sigmas(record["camera_height_ratio"], answer.get("scale_sigma"))
     return record

@@ -52,9 +52,14 @@ def mean_of(values: Sequence[float]) -> float:
     return sum(known) / len(known) if known else math.nan
 
 
-def pooled(key: str) -> Callable[[Strata], float]:
-    """Mean over all records."""
-    return lambda strata: mean_of([r[key] for stratum in strata for r in stratum])
+def rms_of(values: Sequence[float]) -> float:
+    """Root mean square of the finite ones; NaN of none."""
+    return math.sqrt(mean_of([v * v for v in values]))
+
+
+def pooled(key: str, average: Callable[[Sequence[float]], float] = mean_of) -> Callable[[Strata], float]:
+    """Mean, or another average, over all records."""
+    return lambda strata: average([r[key] for stratum in strata for r in stratum])
 
 
 def of_sets(key: str) -> Callable[[Strata], float]:

@@ -9,7 +9,7 @@ from typing import Any
 
 from physic_core.metrics import ValueWithInterval, markdown_table
 
-from .statistics import Record, Strata, figure, median_of, of_lists, of_sets, pooled
+from .statistics import Record, Strata, figure, median_of, of_lists, of_sets, pooled, rms_of
 
 CAMERA_SETS = ("mpi_inf_3dhp", "panoptic", "roundtable")
 WRONG = {"pa_mpjpe_mm": 150.0, "pelvis_depth_ratio": 0.25, "floor_angle_deg": 10.0, "camera_height_off": 0.25}
@@ -105,6 +105,25 @@ def rows_of(people: Sequence[Record], floors: Sequence[Record], photos: Sequence
             pooled("absrel_scaled"),
             "<= .10",
             digits=3,
+        ),
+    ]
+    sure = known(found, "distance_in_sigmas")
+    rows += [
+        row("distance over its stated sigma, rms", sure, pooled("distance_in_sigmas", rms_of), ".6-1.5", digits=2),
+        row("  stated sigma of the log distance, median", sure, pooled("distance_sigma", median_of), digits=3),
+        row(
+            "stature over its stated sigma, rms",
+            known(found, "stature_in_sigmas"),
+            pooled("stature_in_sigmas", rms_of),
+            ".6-1.5",
+            digits=2,
+        ),
+        row(
+            "camera height over the stated sigma of the scale, rms",
+            known(of(floors), "scale_in_sigmas"),
+            pooled("scale_in_sigmas", rms_of),
+            ".6-1.5",
+            digits=2,
         ),
     ]
     rows.append(row("PA-MPJPE mm, parkour", of(people, "parkour", found=True), pooled("pa_mpjpe_mm"), "<= 80"))

@@ -359,6 +359,16 @@ def test_a_person_too_near_comes_out_in_the_table(truth, joints):
     assert (rows["photos graded good"], rows["people with 3D truth graded good"], rows["wrong"]) == (1, 1, 0)
 
 
+def test_errors_are_divided_by_the_stated_ones(truth, joints):
+    person = person_of(truth, 0.9 * joints) | {"distance_sigma": 0.2, "stature_sigma": 0.05}
+    answer = answer_with(person, floor=[0, -1, 0, 1.05]) | {"scale_sigma": 0.1}
+    rows = rows_by_name(truth, truth.main.compared([alone(truth, joints)], [answer]))
+    error = -math.log(0.9)
+    assert rows["distance over its stated sigma, rms"] == pytest.approx(error / 0.2)
+    assert rows["stature over its stated sigma, rms"] == pytest.approx(error / 0.05)
+    assert rows["camera height over the stated sigma of the scale, rms"] == pytest.approx(math.log(1.05) / 0.1)
+
+
 @pytest.mark.parametrize("scale", [0.7, 1.3])
 def test_a_person_a_third_off_is_wrong_whatever_the_grade(truth, joints, scale):
     for grade, wrong in (("good", 1), ("doubtful", math.nan)):
