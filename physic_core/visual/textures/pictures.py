@@ -6,11 +6,12 @@ import io
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
-    from physic_core.types import UInt8Array
+    import numpy as np
+    from numpy.typing import NDArray
 
 
-def encode_image(image: UInt8Array, form: Literal["JPEG", "PNG"]) -> bytes:
-    """Return an image (H, W, 3) or (H, W) as a file."""
+def encode_image(image: NDArray[np.uint8 | np.uint16], form: Literal["JPEG", "PNG"]) -> bytes:
+    """Return an image (H, W, 3) or (H, W) as a file; a PNG of (H, W) may have 16 bits."""
     from PIL import Image
 
     buffer = io.BytesIO()

@@ -1,4 +1,4 @@
-"""Formats of ``physic export`` for other programs: AMASS, BVH, GLB, MJCF, OBJ, PLY, RRD, URDF and USD."""
+"""Formats of ``physic export`` for other programs, from AMASS to USD."""
 
 from __future__ import annotations
 
@@ -42,6 +42,14 @@ def physic_exporters() -> list[ExporterRecord]:
             options={"names": ("mixamo", "smplx", "unreal", "unity")},
         ),
         ExporterRecord(
+            "depth",
+            (".png",),
+            "physic_export.depth:export_depth",
+            "OpenCV, Open3D, Python",
+            "depth of the scene in millimetres, photo, masks of people, camera",
+            ups=("camera",),
+        ),
+        ExporterRecord(
             "glb",
             (".glb",),
             "physic_export.glb:export_glb",
@@ -60,6 +68,16 @@ def physic_exporters() -> list[ExporterRecord]:
             stem="mujoco",
             needs="a floor in the result",
             options={"rigid": (False, True), "balance": (False, True)},
+        ),
+        ExporterRecord(
+            "nerfstudio",
+            (".json",),
+            "physic_export.nerfstudio:export_nerfstudio",
+            "nerfstudio, Gaussian splatting",
+            "transforms.json with photo, depth, mask and camera",
+            ups=("z", "y", "camera"),
+            stem="transforms",
+            needs="a floor in the result, for z up",
         ),
         ExporterRecord(
             "obj",

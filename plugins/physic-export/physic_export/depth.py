@@ -1,0 +1,65 @@
+"""Depth: the scene as a 16-bit PNG in millimetres, with its photo, masks of people, and the camera."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core import ExportedFiles, ExportRequest
+from physic_core.errors import InputError
+from physic_core.visual.textures.pictures import encode_image
+
+if TYPE_CHECKING:
+    from physic_core.types.arrays import BoolArray
+
+UNIT_M = 0.001
+"""Metres of one step of a depth picture."""
+
+_MAX_STEPS = 65535
+
+
+def export_depth(request: ExportRequest) -> ExportedFiles:
+    """Return the depth of the scene, the photo that it belongs to, a mask of each person, and the camera.
+
+    All pictures have the pixels of ``Reconstruction.image``, which is upright and without lens distortion. The JSON
+    file has the camera, and the names of the pictures.
+    """
+    main, photo = f"{request.stem}{request.suffix}", f"{request.stem}_photo.jpg"
+    depth, notes = depth_picture(request)
+    masks = {f"{request.stem}_person_{index}.png": mask_picture(person.mask) for index, person in request.chosen()}
+    camera = request.result.intrinsics
+    document = {
+        **{name: getattr(camera, name) for name in ("fx", "fy", "cx", "cy", "width", "height")},
+        "frame": f"OpenCV camera: {request.frame.axes}",
+        "pixels": "integer coordinates are pixel centres; (0, 0) is the centre of the top left pixel",
+        "depth": {"file": main, "unit_m": UNIT_M, "unknown": 0, "along": "z"},
+        "photo": photo,
+        "masks": dict(zip(map(str, request.people), masks, strict=True)),
+    }
+    text = json.dumps(document, indent=2) + "\n"
+    pictures = {main: depth, photo: encode_image(request.result.image, "JPEG"), **masks}
+    return ExportedFiles({**pictures, f"{request.stem}_camera.json": text.encode()}, notes)
+
+
+def depth_picture(request: ExportRequest) -> tuple[bytes, tuple[str, ...]]:
+    """Return the depth of the scene along z as a 16-bit PNG in mm, 0 where it is unknown, and notes for the user.
+
+    A pixel beyond the 65.535 m that 16 bits hold is 0 too, and a note counts them.
+
+    Raises:
+        InputError: the scene is to be left out.
+    """
+    if not request.scene:
+        raise InputError("this format is the depth of the scene: leave out --no-scene (scene=False in Python)")
+    scene = request.result.scene
+    steps = np.where(scene.valid, np.rint(scene.points[..., 2] / UNIT_M), 0)
+    far = steps > _MAX_STEPS
+    note = f"{far.mean():.0%} of the pixels are farther than {_MAX_STEPS * UNIT_M} m: they are 0, as unknown ones"
+    return encode_image(np.where(far, 0, steps).astype(np.uint16), "PNG"), (note,) if far.any() else ()
+
+
+def mask_picture(mask: BoolArray) -> bytes:
+    """Return a mask (H, W) as a PNG of 8 bits: 255 where it is True, else 0."""
+    return encode_image(np.where(mask, 255, 0).astype(np.uint8), "PNG")
