@@ -225,6 +225,8 @@ def _body_records(
     ratio = sum(own[name] for name in both) / sum(real[name] for name in both) if both else math.nan
     record["bones_log"] = math.log(ratio)
     trunk = [row for row in (*SHOULDERS, *HIPS) if known[row]]
+    if known.all():
+        record |= rotation_errors(joints, true)
     if not camera_known or len(trunk) < 3:
         return record, []
     middle, true_middle = joints[HIPS].mean(0), true[[row for row in HIPS if known[row]] or trunk].mean(0)
@@ -246,6 +248,40 @@ def _body_records(
         if known[a] and known[b]
     ]
     return record, segments
+
+
+def rotation_errors(joints: FloatArray, true: FloatArray) -> dict[str, list[float]]:
+    """Return the errors of rotations in degrees, which hold in any frame: by name of the joint, left and right.
+
+    The error of a hip or shoulder is the angle between thigh or upper arm and the true one in the frame of the trunk,
+    that of a knee or elbow the same in the frame of the bone before it. Rotations about the own bone do not show. That
+    of the spine is the angle of shoulders and hips, each to the true ones, in the frame of the trunk.
+
+    Args:
+        joints: (12, 3) metres.
+        true: (12, 3) of any frame.
+    """
+    from scipy.spatial.transform import Rotation
+
+    trunk = [*SHOULDERS, *HIPS]
+    turned = Rotation.from_rotvec(_rotation(joints[trunk], true[trunk])).apply(joints)
+    across = [_angle_deg(turned[b] - turned[a], true[b] - true[a]) for a, b in (SHOULDERS, HIPS)]
+    errors: dict[str, list[float]] = {"spine": [math.hypot(*across)]}
+    for near, far, first, second in (("thigh", "shank", "hip", "knee"), ("upper_arm", "forearm", "shoulder", "elbow")):
+        for (a, b), (_, c) in zip(BONES[near], BONES[far], strict=True):
+            bone, end = turned[b] - turned[a], turned[c] - turned[b]
+            true_bone, true_end = true[b] - true[a], true[c] - true[b]
+            axis = np.cross(bone, true_bone)
+            angle = _angle_deg(bone, true_bone)
+            along = Rotation.from_rotvec(axis / max(float(np.linalg.norm(axis)), 1e-12) * math.radians(angle))
+            errors.setdefault(first, []).append(angle)
+            errors.setdefault(second, []).append(_angle_deg(along.apply(end), true_end))
+    return errors
+
+
+def _angle_deg(own: FloatArray, true: FloatArray) -> float:
+    sine, cosine = np.linalg.norm(np.cross(own, true)), own @ true
+    return float(np.degrees(np.arctan2(sine, cosine)))
 
 
 def _rotation(source: FloatArray, target: FloatArray) -> FloatArray:

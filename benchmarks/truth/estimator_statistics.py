@@ -36,6 +36,10 @@ def _of(key: str, where: Callable[[Record], bool] = lambda r: True) -> Callable[
     return lambda r: [r[key]] if where(r) and r.get(key) is not None else []
 
 
+def _list(key: str) -> Callable[[Record], Sequence[Any]]:
+    return lambda r: r.get(key, ())
+
+
 def _quantile(share: float) -> Callable[[Sequence[float]], float]:
     return lambda values: float(np.quantile(np.abs(values), share))
 
@@ -92,6 +96,10 @@ STATISTICS: dict[str, Statistic] = {
     "trunk: lean towards the camera, rms deg": Statistic("bodies", _of("turn_right"), _rms),
     "trunk: yaw, rms deg": Statistic("bodies", _of("turn_down"), _rms),
     "trunk: in the image plane, rms deg": Statistic("bodies", _of("turn_away"), _rms),
+    **{
+        f"rotations of {name}: without that about the bone, rms deg": Statistic("bodies", _list(name), _rms)
+        for name in ("spine", "hip", "knee", "shoulder", "elbow")
+    },
     "limb segments: angle deg, median": Statistic("segments", _of("angle_deg"), _median),
     "limb segments: angle deg, 90th percentile": Statistic("segments", _of("angle_deg"), _quantile(0.9)),
     "limb segments: in the image plane, rms deg": Statistic("segments", _of("plane_deg"), _rms),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, Intrinsics, Keypoints, People, UInt8Array
 
 _JOINTS = 55  # of SMPL-X
+_ROTATIONS = 22  # of pelvis and body joints
 
 _WIDTHS = {
     "global_orient": 3,
@@ -84,6 +86,8 @@ class BodyEstimator(Backend):
         yield from _check_parameters(result.parameters, n)
         if result.observed is not None:
             yield from check_array("observed", result.observed, (n, _JOINTS), "bool")
+        if result.rotation_sigma is not None:
+            yield from _check_rotation_sigma(result.rotation_sigma, n)
         if result.joints is not None:
             yield from _check_joints(result.joints, n)
         if result.mesh is not None:
@@ -125,6 +129,13 @@ def _check_parameters(parameters: BodyParameters, people: int) -> Iterator[str]:
     if people and not valid_rows([(value, _limit(name)[0]) for name, value in readable.items()], people).any():
         for name, value in readable.items():
             yield from check_limit(name, value, *_limit(name))
+
+
+def _check_rotation_sigma(sigma: Any, people: int) -> Iterator[str]:
+    wrong = list(check_array("rotation_sigma", sigma, (people, _ROTATIONS), "float"))
+    yield from wrong
+    if not wrong and not ((sigma > 0) & (sigma <= math.pi) | (sigma != sigma)).all():
+        yield "rotation_sigma must be within 0 and pi radians, or NaN where unknown"
 
 
 def _check_joints(joints: Any, people: int) -> Iterator[str]:

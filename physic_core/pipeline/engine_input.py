@@ -74,8 +74,11 @@ def engine_input(estimates: Estimates, model: BodyModel) -> EngineInput:
         *(estimates.scene.points, estimates.scene.valid, estimates.depth.depth),
         *(original.points, original.valid, estimates.hole, people.masks, estimates.contact.probability),
     )
-    observed, surfaces, objects = optional_tensors(
-        estimates.bodies.observed, None if labels is None else labels.labels, estimates.objects
+    observed, rotation_sigma, surfaces, objects = optional_tensors(
+        estimates.bodies.observed,
+        estimates.bodies.rotation_sigma,
+        None if labels is None else labels.labels,
+        estimates.objects,
     )
     betas, expression, transl, keypoints, confidence = (
         array.to(model.device, model.dtype)
@@ -90,7 +93,7 @@ def engine_input(estimates: Estimates, model: BodyModel) -> EngineInput:
     return EngineInput(
         scene=SceneInput(points, valid, estimates.scene.unknown, depth, _cameras(estimates), floor),
         photo=PhotoPoints(photo, photo_valid, original.unknown, people=hole),
-        bodies=EstimatedBodies(model, rotations, betas, expression, transl),
+        bodies=EstimatedBodies(model, rotations, betas, expression, transl, rotation_sigma),
         detections=ObservedPeople(on_body.joint_set, keypoints, confidence, observed.to(model.device), masks),
         contact_probability=contact_probability,
         surfaces=None if surfaces is None else surfaces.long(),
@@ -188,6 +191,7 @@ def joint_problem(
         scene_normals=normals,
         contact_probability=given.contact_probability,
         observed=given.detections.observed,
+        rotation_sigma=bodies.rotation_sigma,
         scene_depth=scene.depth,
         floor_normal=scene.floor_normal,
         floor_offset=scene.floor_offset,

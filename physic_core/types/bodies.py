@@ -97,6 +97,9 @@ class Bodies(ShortRepr):
         joints: (N, 55, 3) metres, camera frame: the SMPL-X joints as the backend places them, NaN where unknown. None
             if the parameters alone define them.
         mesh: the surfaces, or None.
+        rotation_sigma: (N, 22) radians, standard deviation of the angle of error of ``global_orient`` and of each
+            rotation in ``body_pose``; NaN where unknown. None if the backend does not state it. The smaller it is, the
+            less the engine bends what the photo shows of the body.
     """
 
     parameters: BodyParameters = field(metadata=PER_PERSON)
@@ -104,6 +107,7 @@ class Bodies(ShortRepr):
     observed: BoolArray | None = field(default=None, metadata=PER_PERSON)
     joints: FloatArray | None = field(default=None, metadata=PER_PERSON)
     mesh: Mesh | None = field(default=None, metadata=PER_PERSON)
+    rotation_sigma: FloatArray | None = field(default=None, metadata=PER_PERSON)
 
 
 @dataclass(frozen=True)

@@ -53,6 +53,7 @@ def test_true_estimates_have_no_errors(estimates, truth, model):
     assert max(abs(body[f"turn_{axis}"]) for axis in ("right", "down", "away")) < 0.01
     assert max(segment["angle_deg"] for segment in records["segments"]) < 0.1
     assert not any(segment["flipped"] for segment in records["segments"])
+    assert max(max(body[name]) for name in ("spine", "hip", "knee", "shoulder", "elbow")) < 0.1
     assert depth["floor_scale_log"] == pytest.approx(0, abs=1e-3)
     assert depth["bend"] == pytest.approx(0, abs=0.01)
     assert depth["floor_angle_deg"] < 0.1

@@ -90,6 +90,7 @@ def parameters(**values: Any) -> dict[str, BodyParameters]:
         (DEPTH, {"scale_sigma": np.float32(0.1), "notes": ["a"]}),
         *((BODIES, mesh(MESH.vertices, FACES.astype(kind))) for kind in (np.int64, np.uint32)),
         (BODIES, {"joints": None, "mesh": None, "body_model": "embedded"}),
+        (BODIES, {"rotation_sigma": nan_at(np.full((2, 22), 0.2), 0)}),
         (HANDS, {}),
         (HANDS, {"rotvecs": nan_at(HANDS.rotvecs), "confidence": np.zeros((2, 2)), "wrists": None}),  # not found
         (CONTACT, {}),
@@ -165,6 +166,7 @@ def test_an_image_is_a_result() -> None:
         (BODIES, {"joints": np.zeros((2, 24, 3))}, ["joints must be (2, 55, 3), got (2, 24, 3)"]),
         (BODIES, {"joints": np.zeros((2, 55, 3), int)}, ["joints must be float, got int64"]),
         (BODIES, {"joints": np.full((2, 55, 3), np.inf)}, ["joints must be within +-10000 m..."]),
+        (BODIES, {"rotation_sigma": np.full((2, 22), 20.0)}, ["rotation_sigma must be within 0 and pi radians..."]),
         (BODIES, {"mesh": np.zeros((2, 4, 3))}, ["mesh must be Mesh, got ndarray"]),
         (BODIES, {"mesh": replace(MESH, name=7)}, ["mesh.name must be str, got int"]),
         (BODIES, mesh(np.zeros((1, 4, 3)), FACES), ["mesh.vertices must be (2, 4, 3), got (1, 4, 3)"]),

@@ -29,7 +29,7 @@ def test_all_that_is_per_person_is_selected():
     for result in (
         People(rows(2, 4), rows(4), rows(), keypoints=keypoints()),
         keypoints(),
-        Bodies(parameters, "smplx", rows(55), rows(55, 3), mesh),
+        Bodies(parameters, "smplx", rows(55), rows(55, 3), mesh, rows(22)),
         Hands(rows(2, 15, 3), rows(2), rows(2, 3)),
         ContactProbability(rows(4), "smpl"),
     ):

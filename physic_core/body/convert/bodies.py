@@ -122,8 +122,9 @@ def convert_with_residuals(
     apart = np.linalg.norm(posed - np.nan_to_num(joints[usable][:, _BODY]), axis=-1)
     seen = known[usable][:, _BODY]
     mean_apart = np.where(seen.any(1), (apart * seen).sum(1) / np.maximum(seen.sum(1), 1), np.nan)
+    parameters = _fit_to_parameters(fit, model, usable)
     return ConvertedBodies(
-        Bodies(_fit_to_parameters(fit, model, usable), model.name, bodies.observed),
+        replace(bodies, parameters=parameters, body_model=model.name, joints=None, mesh=None),
         _spread_rows(mean_apart, usable),
         None if surface_m is None else _spread_rows(surface_m, usable),
     )

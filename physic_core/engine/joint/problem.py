@@ -79,6 +79,8 @@ class JointProblem(ShortRepr):
         scene_normals: (M, 3) unit towards the camera, zero where unreliable.
         contact_probability: (B, V) in [0, 1].
         observed: (B, 55) bool, visible joints.
+        rotation_sigma: (B, 22) radians, stated errors of the rotations of pelvis and body joints, NaN where unknown;
+            None if the body estimator states none.
         scene_depth: (H, W) metres along z of the scene points, NaN where unknown; or None.
         floor_normal: (3,) unit, up; None if no floor was found.
         floor_offset: height of the camera above the floor, metres: the height of X is ``floor_normal . X +
@@ -111,6 +113,7 @@ class JointProblem(ShortRepr):
     scene_normals: Tensor = field(metadata=_shape("M 3"))
     contact_probability: Tensor = field(metadata=_shape("B V"))
     observed: Tensor = field(metadata=_shape("B 55"))
+    rotation_sigma: Tensor | None = field(default=None, metadata=_shape("B 22"))
     scene_depth: Tensor | None = field(default=None, metadata=_shape("H W"))
     floor_normal: Tensor | None = field(default=None, metadata=_shape("3"))
     floor_offset: float = 0.0

@@ -200,6 +200,12 @@ class State:
         """
         return self._concatenate(self.values) - self._origin_columns, self.values["scale"] - self._origin["scale"]
 
+    @property
+    def expected_turns(self) -> Tensor:
+        """Expected angles (22,) of correction of pelvis and body joints, radians."""
+        angles: Tensor = self._turn_sigmas[: BODY.stop].norm(dim=-1)
+        return angles
+
     def expand_to_parameters(self, of_group: Mapping[str, float]) -> Tensor:
         """Expand one number per parameter group to one per parameter: (P,), in the columns of :meth:`deviation`."""
         sizes = zip(_OF_PEOPLE, self._sizes, strict=True)

@@ -41,6 +41,8 @@ class EstimatedBodies(ShortRepr):
         betas: (B, K).
         expression: (B, E).
         transl: (B, 3) metres.
+        rotation_sigma: (B, 22) radians, stated errors of the rotations of pelvis and body joints, NaN where unknown;
+            None if the estimator states none.
     """
 
     model: BodyModel
@@ -48,6 +50,7 @@ class EstimatedBodies(ShortRepr):
     betas: Tensor
     expression: Tensor
     transl: Tensor
+    rotation_sigma: Tensor | None = None
 
 
 @dataclass(frozen=True)

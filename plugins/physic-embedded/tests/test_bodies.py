@@ -152,13 +152,16 @@ def test_bodies_are_recovered_from_synthetic_landmarks(
     assert pelvis.max() < most_mm
     assert skin.max() < most_mm
     assert answer.observed.all()
+    assert np.nanmax(answer.rotation_sigma) < 1.0
 
 
 @pytest.mark.parametrize("skeleton", ["coco17", "coco23"])
 def test_keypoints_without_landmarks_give_the_pose_in_the_picture(backend: EmbeddedBodies, skeleton: str) -> None:
     seen = truth([STANDS, WALKS], PLACES[:2], skeleton=skeleton)
     flat = replace(seen, keypoints=replace(seen.keypoints, world=None))
-    joints, _ = posed(fit(backend, flat))
+    answer = fit(backend, flat)
+    assert answer.rotation_sigma is None  # depths of limbs are guesses
+    joints, _ = posed(answer)
     pixels, wanted = (j @ CAMERA.matrix.T for j in (joints, seen.joints))
     error = np.linalg.norm(pixels[..., :2] / pixels[..., 2:] - wanted[..., :2] / wanted[..., 2:], axis=-1)[:, :22]
     assert error.mean() < 10

@@ -59,6 +59,9 @@ class BodyOptions(MockOptions):
     stature_bias: float = Field(
         -0.06, ge=-0.5, le=0.5, description="Mean of the logarithm of stature over the true one, times the noise."
     )
+    stated_sigma: float | None = Field(
+        None, gt=0, le=3, description="Returned standard deviation of all rotations, radians, whatever the noise."
+    )
     depth_noise: interfaces.Share = Field(
         0.05,
         description="Standard deviation of the logarithm of distance, besides the error of stature, times the noise.",
@@ -110,7 +113,12 @@ class MockBodyEstimator(interfaces.BodyEstimator):
             transl=placed,
         )
         picked = replace(parameters, **{name: value[rows] for name, value in vars(parameters).items()})
-        return Bodies(parameters=picked, body_model=world.body_model, observed=(world.joints_visible ^ flips)[rows])
+        return Bodies(
+            parameters=picked,
+            body_model=world.body_model,
+            observed=(world.joints_visible ^ flips)[rows],
+            rotation_sigma=None if options.stated_sigma is None else np.full((len(rows), BONES), options.stated_sigma),
+        )
 
 
 def _log_statures(world: World, options: BodyOptions) -> FloatArray:

@@ -72,6 +72,7 @@ def test_the_answers_are_the_truth(world):
     for name in ("global_orient", "body_pose", "betas", "transl"):
         np.testing.assert_allclose(getattr(bodies.parameters, name), getattr(world.parameters, name), atol=2e-6)
     np.testing.assert_array_equal(bodies.observed, world.joints_visible)
+    assert bodies.rotation_sigma is None
     hands = MockHandEstimator().infer(world.image, people, no_keypoints(len(people)))
     np.testing.assert_allclose(hands.rotvecs[:, 1].reshape(-1, 45), world.parameters.right_hand_pose, atol=1e-6)
     np.testing.assert_array_equal(hands.confidence > 0, world.joints_visible[:, [20, 21]])
@@ -107,6 +108,11 @@ def test_a_drawn_shift_leaves_out_only_what_is_farthest(world):
         answer = MockRelativePointmap(options).infer(world.image, Hints())
         assert (answer.points[answer.valid, 2] > 0).all()
         assert (np.isfinite(world.depth) & ~answer.valid).mean() < 0.06
+
+
+def test_bodies_have_the_stated_sigma(world):
+    sigma = pose(world, stated_sigma=0.2).rotation_sigma
+    np.testing.assert_array_equal(sigma, np.full((len(world.masks), 22), 0.2))
 
 
 def test_metric_depth_has_the_stated_scale_and_sigma(world):

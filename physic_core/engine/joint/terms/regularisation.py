@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from physic_core.body.joints import PARENTS
 from physic_core.engine.joint.context import JointContext
+from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Snapshot
 from physic_core.types.bounds import NotNegative, Positive
@@ -15,6 +17,12 @@ from physic_core.types.bounds import NotNegative, Positive
 _OCCLUDED_WEIGHT = 0.05  # of hidden vertices, and of those on invisible limbs
 _PARAMETER_WEIGHTS = {"root": 0.3, "pose": 1.0, "hands": 1.0, "betas": 1.0, "offset": 1.0}
 """Weights of the deviations of each group of parameters from the start."""
+
+_STATED_WEIGHT = 20.0
+"""Weight of a deviation as large as the error that the body estimator states. It is more than the 1 of independent
+errors: those of a photo's depth, floor and keypoints are common to all vertices and keypoints, which the other terms
+count one by one."""
+_LEAST_ROTATION_SIGMA = 0.01  # radians
 
 
 @dataclass(frozen=True)
@@ -44,6 +52,23 @@ def vertex_weights(
     return torch.where(strong, occluded, visible).to(area.dtype) * area
 
 
+def stated_weights(problem: JointProblem, expected: Tensor) -> Tensor:
+    """Return the weights (B, 22) of the rotations of pelvis and body joints, by the errors that the estimator states.
+
+    NaN where it states none, and where the photo shows no joint that the rotation moves.
+
+    Args:
+        problem: of B people.
+        expected: (22,) radians, expected angles of correction, in which deviations are measured.
+    """
+    if problem.rotation_sigma is None:
+        return expected.new_full((len(problem), len(expected)), torch.nan)
+    children = [[j for j, parent in enumerate(PARENTS) if parent == i] or [i] for i in range(len(expected))]
+    shown = torch.stack([problem.observed[:, moved].any(1) for moved in children], 1)
+    sigma = problem.rotation_sigma.to(expected).clamp(min=_LEAST_ROTATION_SIGMA)
+    return torch.where(shown, _STATED_WEIGHT * (expected / sigma).square(), torch.nan)
+
+
 class RegularisationTerm:
     """Regularisation term, evaluated by :class:`physic_core.engine.joint.terms.surface.SurfaceTerms`.
 
@@ -59,6 +84,9 @@ class RegularisationTerm:
         self._prior_weight = state.expand_to_parameters(
             _PARAMETER_WEIGHTS | {"translation": settings.translation_weight}
         )
+        stated = stated_weights(context.problem, state.expected_turns).repeat_interleave(3, 1)
+        added = stated - self._prior_weight[: stated.shape[1]]
+        self._stated_beyond_prior = torch.where(added.isfinite(), added, 0.0)
         self.weights: dict[str, Tensor] = {}
 
     def refresh(self, snapshot: Snapshot) -> None:
@@ -71,4 +99,6 @@ class RegularisationTerm:
 
     def energy(self, mesh: Tensor, deviation: Tensor) -> Tensor:
         """Return the energy (B,): the mesh energy ``mesh`` (B,) plus the energy of parameter deviations (B, P)."""
-        return mesh + self._photos * parameter_energy(deviation, self._prior_weight)
+        turns = deviation[:, : self._stated_beyond_prior.shape[1]]
+        stated = (self._stated_beyond_prior * turns.square()).sum(1)
+        return mesh + self._photos * (parameter_energy(deviation, self._prior_weight) + stated)
