@@ -214,15 +214,12 @@ def contact_input(
     """Return the input of stage 4.
 
     Args:
-        scene: final, before its scale is applied.
-        problem: of stage 3, with that scene.
+        scene: of stage 2.
+        problem: of stage 3.
         result: of stage 3.
         method: of stage 4.
     """
     s, vertices = result.scene_scale, result.vertices
-    classes = _classify_points(given, scene)
-    points, normals = classes.uncarved or (problem.scene_points, problem.scene_normals)
-    uncarved = replace(problem, scene_points=points.to(vertices), scene_normals=normals.to(vertices), floor_normal=None)
     finite = vertices[torch.isfinite(vertices).flatten(1).all(1)]
     lifted, objects = problem.lifted_feet, given.objects
     return ContactInput(
@@ -234,8 +231,7 @@ def contact_input(
         observed=problem.observed_anywhere,
         lifted_feet=torch.zeros(len(problem), 2, dtype=torch.bool) if lifted is None else lifted,
         surfaces=method.surfaces(problem, finite, s),
-        uncarved=method.surfaces(uncarved, finite, s),
-        classes=classes,
+        classes=_classify_points(given, scene),
         plane=None if problem.floor_normal is None else (problem.floor_normal, problem.floor_offset * s),
         free=method.free_vertices(problem, vertices, s),
         objects=None if objects is None else _held_objects(problem, result, objects),
@@ -247,12 +243,11 @@ def contact_input(
 
 def _classify_points(given: EngineInput, scene: SceneState) -> ClassifiedPoints:
     """Return the classes of the valid scene points, all unknown if the segmenter labels no surfaces."""
-    (inpainted, *uncarved) = select_pixels(scene.valid, given.photo.people, *(scene.uncarved or ()))
-    before = (uncarved[0], uncarved[1]) if uncarved else None
+    (inpainted,) = select_pixels(scene.valid, given.photo.people)
     labels = torch.zeros_like(inpainted, dtype=torch.int64)
     if given.surfaces is not None:
         (labels,) = select_pixels(scene.valid, given.surfaces)
-    return ClassifiedPoints(given.surface_names, labels, ~inpainted, before)
+    return ClassifiedPoints(given.surface_names, labels, ~inpainted)
 
 
 def _held_objects(problem: JointProblem, result: JointResult, masks: Tensor) -> HeldObjects | None:

@@ -56,8 +56,9 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
         blind = problem.human_depth is None
         result = optimize(problem, settings.joint.without("depth") if blind else settings.joint)
     with stages.time_engine("contact"):
+        # Before inpainted points are moved out of people: what carries them is there.
+        touch = solve_contact(contact_input(given, placed.scene, problem, result, settings.contact), settings.contact)
         scene, problem = finalize_scene(placed.scene, problem, result, given.photo.people, settings.scene)
-        touch = solve_contact(contact_input(given, scene, problem, result, settings.contact), settings.contact)
         solution = assemble_solution(estimates, scene, problem, placed, result, touch)
     if not estimates.known:
         return solution

@@ -189,7 +189,7 @@ def _moved_scene(masks: Tensor, scene: SceneState, scale: float) -> list[float |
     """Return how far inpainted points were moved back behind each person of masks (B, H, W), metres."""
     if scene.uncarved is None:
         return [None] * len(masks)
-    points, before = scene.points * scale, scene.uncarved[0] * scale
+    points, before = scene.points * scale, scene.uncarved * scale
     return [moved_scene(points, before, mask & scene.valid) for mask in masks]
 
 

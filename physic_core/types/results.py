@@ -72,8 +72,8 @@ class Person(ShortRepr):
         vertices: (V, 3) float32.
         joints: (55, 3) float32.
         contact: (V,) bool.
-        distance: (V,) float32, signed distance to the scene or the floor: negative inside, inf beyond the
-            search radius.
+        distance: (V,) float32, signed distance to the scene, before inpainted points were moved out of people, or
+            the floor: negative inside, inf beyond the search radius.
         contact_probability: (V,) float16 in [0, 1], that the vertex touches anything; ``contact`` is this probability
             over ``[engine.contact] threshold``, or that of skin over ``skin_threshold``. None if the preset estimates
             none.

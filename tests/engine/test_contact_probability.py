@@ -57,7 +57,6 @@ def alone(body, plane=None, foot_gap=None) -> ContactInput:
         observed=torch.ones(1, 55, dtype=torch.bool),
         lifted_feet=torch.zeros(1, 2, dtype=torch.bool),
         surfaces=ContactSurfaces(empty, none, plane),
-        uncarved=ContactSurfaces(empty, none, None),
         classes=ClassifiedPoints(("unknown",), none, none.bool()),
         plane=plane,
         foot_gap=foot_gap,

@@ -11,12 +11,7 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
-from physic_core.engine.contact.distance import (
-    ContactSurfaces,
-    DistanceMeasure,
-    SurfaceDistances,
-    surface_distances,
-)
+from physic_core.engine.contact.distance import SurfaceDistances
 from physic_core.engine.contact.scene_parts import SceneParts
 
 GIVE_M: Mapping[str, float] = {"bed": 0.10, "seat": 0.08, "vegetation": 0.05, "ground": 0.03, "rug": 0.02}
@@ -32,17 +27,12 @@ def largest_dents(near: SurfaceDistances, parts: SceneParts) -> Tensor:
     return torch.where(torch.isfinite(near.scene), table[parts.label + 1][near.point], 0.0)
 
 
-def dent_depths(vertices: Tensor, scene: ContactSurfaces, give: Tensor, measure: DistanceMeasure) -> Tensor:
-    """Return how deep vertices (N, V, 3) press into yielding surfaces, metres: (N, V), NaN elsewhere.
+def dent_depths(distance: Tensor, give: Tensor) -> Tensor:
+    """Return how deep vertices press into yielding surfaces, metres: (N, V), NaN elsewhere.
 
     Args:
-        vertices: metres.
-        scene: undented, before inpainted points were moved out of people.
+        distance: (N, V) signed, to the undented scene, metres.
         give: (N, V) largest depth.
-        measure: of distances.
     """
-    if not bool((give > 0).any()):
-        return torch.full_like(give, torch.nan)
-    distance = surface_distances(vertices, scene, measure).scene
     depth = torch.minimum(torch.relu(-torch.nan_to_num(distance, posinf=0.0)), give)
     return torch.where(give > 0, depth, torch.nan)

@@ -34,7 +34,6 @@ class ContactInput:
         observed: (N, 55) bool, visible joints.
         lifted_feet: (N, 2) bool, left and right feet in the air.
         surfaces: scaled scene near the people, and the floor.
-        uncarved: the same scene, without a floor, before inpainted points were moved out of people.
         classes: of the points of the scene.
         plane: unit normal (3,) of the floor, up, and offset in metres; None if no floor was found.
         free: (N, V) bool, vertices in space that the photo shows to be free; None if that is not used.
@@ -53,7 +52,6 @@ class ContactInput:
     observed: Tensor
     lifted_feet: Tensor
     surfaces: ContactSurfaces
-    uncarved: ContactSurfaces
     classes: ClassifiedPoints
     plane: tuple[Tensor, float] | None
     free: Tensor | None = None

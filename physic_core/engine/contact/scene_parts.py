@@ -29,13 +29,11 @@ class ClassifiedPoints:
         names: of the classes, as in :class:`physic_core.types.SurfaceLabels`.
         label: (M,) int64, index into ``names``.
         seen: (M,) bool, points that the photo shows; the others are inpainted, and their label is ignored.
-        uncarved: points and normals (M, 3) before inpainted points were moved out of people; None if none were.
     """
 
     names: tuple[str, ...]
     label: Tensor
     seen: Tensor
-    uncarved: tuple[Tensor, Tensor] | None = None
 
 
 @dataclass(frozen=True)

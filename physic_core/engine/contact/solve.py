@@ -88,7 +88,7 @@ def _describe_contacts(
     regions = contact_regions(given.model)
     partners, index = assign_partners(touch.kind, near, regions, given.up)
     give = largest_dents(near.surface, near.parts)
-    dents = dent_depths(given.vertices, given.uncarved, give, method.measure)
+    dents = dent_depths(near.surface.scene, give)
     dents = torch.where(touch.kind == KINDS.index("scene"), dents, torch.nan)
     contacts, supports = [], []
     for i, one in enumerate(carried):
