@@ -164,7 +164,11 @@ def run(
         from physic_core.io.results import save_reconstruction
 
         beside = {PEOPLE_TABLE: people_csv(result, photo.name)}
-        save_reconstruction(result, folder, save, report=report, title=photo.name, overwrite=overwrite, beside=beside)
+        save_reconstruction(result, folder, save, overwrite=overwrite, beside=beside)
+        if report:
+            from physic_core.io.report_file import add_report
+
+            add_report(folder, result, photo.name)
     if quiet:
         for text in result.warnings:
             echo(f"warning: {text}", err=True)

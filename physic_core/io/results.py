@@ -32,7 +32,6 @@ from physic_core.io.result_folder import (
     GLB_FILE,
     MAX_DOCUMENT_BYTES,
     PREVIEW_FILE,
-    REPORT_FILE,
     SCHEMA,
     Replaced,
     check_overwrite,
@@ -71,8 +70,6 @@ def save_reconstruction(
     folder: str | os.PathLike[str],
     save: str = "pictures",
     *,
-    report: bool = False,
-    title: str = "",
     overwrite: bool = False,
     beside: Mapping[str, bytes] | None = None,
     photos: str = "",
@@ -88,8 +85,6 @@ def save_reconstruction(
         reconstruction: what to save.
         folder: created if missing.
         save: one of :data:`SAVE`.
-        report: whether ``report.html`` is written too.
-        title: of the report, such as the name of the photo; by default the name of the folder.
         overwrite: whether to replace another photo's result.
         beside: name and content of further files, which are files of the result too.
         photos: digests of all photos of one moment, whose earlier results are replaced; "" for that of the result.
@@ -101,21 +96,20 @@ def save_reconstruction(
     Raises:
         ConfigError: ``save`` is not valid.
         OutputError: the folder cannot be written, or user data would be lost.
-        PackageMissingError: a report is requested, and no installed plugin writes it.
         Exception: a picture cannot be made; the numbers are then written without pictures.
     """
     if save not in SAVE:
         raise ConfigError(f"what to save is one of {', '.join(SAVE)} (got '{save}')")
     folder, beside = Path(folder), beside or {}
     replaced = Replaced(photos or reconstruction.photo, overwrite, earlier)
-    pictures = [*([GLB_FILE, PREVIEW_FILE] if save == "pictures" else []), *([REPORT_FILE] if report else [])]
+    pictures = [GLB_FILE, PREVIEW_FILE] if save == "pictures" else []
     check_overwrite(folder, replaced, [DOCUMENT_FILE, ARRAYS_FILE, *pictures, *beside])
     arrays: Arrays = {}
     document = _document(reconstruction, arrays)
     if save == "people":
         arrays = {name: array for name, array in arrays.items() if not name.startswith(_OF_SCENE)}
     arrays = _compact(arrays, reconstruction.intrinsics) | {_RUN: np.array(document["run"])}
-    contents, failure = _contents(reconstruction, arrays, pictures, title or folder.resolve().name)
+    contents, failure = _contents(reconstruction, arrays, pictures)
     write_result_files(folder, document, contents | dict(beside), replaced)
     if failure is not None:
         raise failure
@@ -209,7 +203,7 @@ def _document(reconstruction: Reconstruction, arrays: Arrays) -> dict[str, Any]:
 
 
 def _contents(
-    reconstruction: Reconstruction, arrays: Arrays, pictures: Collection[str], title: str
+    reconstruction: Reconstruction, arrays: Arrays, pictures: Collection[str]
 ) -> tuple[dict[str, bytes], Exception | None]:
     """Return the contents of the arrays' file and of the pictures, and the error if a picture fails."""
     from threadpoolctl import threadpool_limits
@@ -227,10 +221,6 @@ def _contents(
                 from physic_core.visual.glb import combined_glb
 
                 found[GLB_FILE] = combined_glb(reconstruction)
-            if REPORT_FILE in pictures:
-                from physic_core.visual.report import report_html
-
-                found[REPORT_FILE] = report_html(reconstruction, title).encode()
             if preview is not None:
                 found[PREVIEW_FILE] = preview.result()
         except Exception as error:

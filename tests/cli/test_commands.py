@@ -105,6 +105,16 @@ def test_run_ends_with_the_path_of_the_page(pipeline):
     assert Path("photo-physic/report.html").is_file()
 
 
+def test_a_run_that_is_interrupted_while_its_page_is_made_leaves_the_result(pipeline, monkeypatch):
+    def interrupted(result: Reconstruction, title: str) -> str:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("physic_core.io.report_file.report_html", interrupted)
+    assert physic(*run("--report")).exit_code == 130
+    assert sorted(path.name for path in Path("photo-physic").iterdir()) == ["people.csv", *ARRAYS]
+    Reconstruction.load("photo-physic")
+
+
 def test_run_without_a_plugin_for_the_page_says_so_in_one_line(pipeline, monkeypatch):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
     default = [argument for argument in run() if argument != "--no-report"]

@@ -51,7 +51,6 @@ def test_without_a_plugin_each_way_to_a_page_names_it(make: Any, folder: Path):
         lambda: report_html(result),
         lambda: result.report("a.html"),
         lambda: add_report(folder),
-        lambda: save_reconstruction(result, folder, "numbers", report=True),
     )
     for way in ways:
         with pytest.raises(PackageMissingError) as error:

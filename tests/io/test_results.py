@@ -113,10 +113,9 @@ FILES = {
 @pytest.mark.parametrize("save", FILES)
 def test_the_files_of_a_result(tmp_path, reconstruction, save):
     for _ in range(2):
-        paths = save_reconstruction(reconstruction, tmp_path, save, report=True, title="<b>", beside={"a.txt": b"a"})
+        paths = save_reconstruction(reconstruction, tmp_path, save, beside={"a.txt": b"a"})
         names = {path.name for path in paths}
-        assert names == {path.name for path in tmp_path.iterdir()} == FILES[save] | {"a.txt", "report.html"}
-    assert "<h1>&lt;b&gt;</h1>" in (tmp_path / "report.html").read_text(encoding="utf-8")
+        assert names == {path.name for path in tmp_path.iterdir()} == FILES[save] | {"a.txt"}
 
 
 def test_a_word_that_names_no_files_is_refused(tmp_path, reconstruction):
