@@ -25,16 +25,17 @@ _FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
 
 _UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 _FOCAL_RANGE = (0.3, 15.0)  # of the long side: a 118 degree lens to a 4 degree one
-_MAX_PLANE_FOCAL = 6.0  # of the long side, by the sensor's resolution alone
+_MAX_FOCAL_BY_ONE = 6.0  # of the long side, by a 35 mm equivalent or a plausible sensor alone; beyond, by both
 _SENSOR_MM = (4.0, 56.0)  # width, from small phones to medium format
-_AGREEMENT = (
-    0.1  # of the logarithms of two focal lengths: one is in whole mm, sensors are a few % off their nominal size
-)
+# Of the logarithms of two focal lengths: one is in whole mm, and sensors are a few % off their nominal size.
+_AGREEMENT = 0.1
 _SAME_SIZE = 0.01
+_SENSOR_ASPECTS = (4 / 3, 3 / 2)
+_ASPECT_ERROR = 0.02  # 4608 x 3456, 6048 x 4024: cameras leave a few rows out
 _EDITORS = re.compile(
-    "photoshop|lightroom|camera raw|elements|gimp|snapseed|picasa|capture one|darktable|rawtherapee|luminar|affinity|"
-    "photoscape|irfanview|xnview|pixelmator|vsco|instagram|imagemagick|polarr|digikam|acdsee|paint|aperture|iphoto|"
-    "viewnx|capture nx|nx studio|photo professional|silkypix|photolab|dxo|corel|canva|picsart|facetune|fotor|photos",
+    "photo|lightroom|camera raw|elements|gimp|snapseed|picasa|capture one|darktable|rawtherapee|luminar|affinity|"
+    "irfanview|viewer|pixelmator|vsco|instagram|imagemagick|polarr|digikam|acdsee|acd systems|paint|aperture|viewnx|"
+    "capture nx|nx studio|workspace|silkypix|dxo|corel|canva|picsart|facetune|fotor|pixlr|topaz|krita|meitu|zoner",
     re.IGNORECASE,
 )
 """Names of programs that crop or resize photos and keep the tags of the camera."""
@@ -53,7 +54,8 @@ def intrinsics_from_exif(
     The focal length is that of ``FocalLengthIn35mmFilm``, relative to the diagonal of the 36 x 24 mm frame, or
     otherwise of ``FocalLength`` and the resolution of the focal plane. Where both agree, the photo is as the camera
     wrote it, since a crop or a resize changes only one of them. One alone counts unless the software is an editor or
-    the tagged pixel size is not the file's.
+    the tagged pixel size is not the file's. The equivalent alone counts if the sides are those of a sensor: cameras
+    that crop photos to 16:9 or a square state the equivalent of the whole sensor.
 
     Args:
         tags: of the first IFD and of the Exif IFD, tag number -> value.
@@ -88,6 +90,8 @@ def _plane_focal(tags: Mapping[int, Any], stored: tuple[int, int]) -> tuple[floa
     if not focal_mm or not plane_x or unit_mm is None:
         return None
     plane_y = _number(tags.get(_PLANE_Y)) or plane_x
+    if abs(math.log(plane_x / plane_y)) > _AGREEMENT:  # no sensor has such pixels
+        return None
     return focal_mm * plane_x / unit_mm, focal_mm * plane_y / unit_mm
 
 
@@ -116,10 +120,14 @@ def _doubt(
         return "" if agree else "the 35 mm equivalent and the sensor's resolution differ, as after a crop or a resize"
     if editor := _EDITORS.search(str(tags.get(_SOFTWARE))):
         return f"the photo was saved by an editor ({editor[0]}), which may have cropped it"
+    aspect = max(stored) / min(stored)
+    if by_film and all(abs(aspect / of_sensor - 1) > _ASPECT_ERROR for of_sensor in _SENSOR_ASPECTS):
+        return f"sides of {aspect:.2f}:1 are of no usual sensor, so the photo may have been cropped"
     sensor_mm = max(stored) * (_number(tags.get(_FOCAL_LENGTH)) or 0.0) / max(focal)
-    if by_film or (share <= _MAX_PLANE_FOCAL and _SENSOR_MM[0] <= sensor_mm <= _SENSOR_MM[1]):
+    is_sensor = _SENSOR_MM[0] <= sensor_mm <= _SENSOR_MM[1]
+    if (by_film or is_sensor) if share <= _MAX_FOCAL_BY_ONE else (by_film and is_sensor):
         return ""
-    return f"{share:.2g} times the long side by a sensor {sensor_mm:.2g} mm wide needs a 35 mm equivalent"
+    return f"{share:.2g} times the long side, with a sensor {sensor_mm:.2g} mm wide, needs a second tag that agrees"
 
 
 def _number(value: Any) -> float | None:
