@@ -178,7 +178,7 @@ def _earlier_files(folder: Path, replaced: Replaced) -> tuple[set[str], set[str]
     unchanged = set(filter(is_unchanged, there))
     edited = there - unchanged - {DOCUMENT_FILE}
     is_own = DOCUMENT_FILE in there or _document(folder / DOCUMENT_FILE) is not None
-    if is_own and not os.path.islink(folder / DOCUMENT_FILE):
+    if is_own and os.path.isfile(folder / DOCUMENT_FILE) and not os.path.islink(folder / DOCUMENT_FILE):
         unchanged.add(DOCUMENT_FILE)
     return unchanged, edited
 

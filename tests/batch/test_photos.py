@@ -13,12 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.batch.photos import (
-    PhotoItem,
-    Shard,
-    list_photos,
-    photo_folder,
-)
+from physic_core.batch.photos import PhotoItem, Shard, list_photos, photo_folder, photo_of_row
+from physic_core.configuration.model import load_config
 from physic_core.errors import ConfigError, InputError
 
 
@@ -194,3 +190,10 @@ def test_invalid_shards_are_an_error(text: str):
     assert Shard.parse("3/16") == Shard(3, 16)
     with pytest.raises(ConfigError, match="a shard is written 3/16"):
         Shard.parse(text)
+
+
+@pytest.mark.parametrize("cells", [{"stature": "9"}, {"age": "500"}, {"camera": "0.5"}])
+def test_the_cells_of_a_photo_are_checked_as_settings(cells: dict[str, str]):
+    settings = photo_of_row({"path": "a.jpg", **cells}).settings
+    with pytest.raises(ConfigError, match="settings of this photo"):
+        load_config(preset="mock").with_photo(settings)

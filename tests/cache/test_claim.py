@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from physic_core.cache.claim import claim_folder
+from physic_core.cache.folders import CACHES
 from physic_core.cache.result_cache import CacheKey, ResultCache
 from physic_core.types import DepthMap
 
@@ -55,6 +56,8 @@ def test_a_folder_that_others_could_write_is_narrowed_and_emptied(
     root: Path, mode: int, caplog: pytest.LogCaptureFixture
 ):
     opened(root).write(KEY, ANSWER)
+    for _, suffix in CACHES.values():
+        (root / "results" / f"{KEY.name.partition('.')[0]}{suffix}").write_text("theirs")
     (root / "results" / "mine.txt").write_text("not theirs")
     (root / "results").chmod(mode)
     for _ in range(2):

@@ -20,6 +20,7 @@ from physic_core.io.result_folder import (
     photo_identity_of_result,
 )
 from physic_core.io.result_folder import check_overwrite as check
+from physic_core.io.results import save_reconstruction
 
 
 @pytest.fixture
@@ -207,6 +208,24 @@ def test_a_link_in_place_of_the_document_is_of_the_user(out: Path, reconstructio
     with pytest.raises(OutputError, match=r"reconstruction\.json there is not of an earlier run"):
         reconstruction.save(str(out), "numbers")
     assert (out / "reconstruction.json").is_symlink()
+
+
+def test_a_folder_that_is_a_link_is_written_to(tmp_path: Path, reconstruction: Reconstruction):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "out").symlink_to("elsewhere")
+    reconstruction.save(str(tmp_path / "out"), "numbers")
+    assert (tmp_path / "out").is_symlink()
+    assert (tmp_path / "elsewhere" / "reconstruction.json").is_file()
+
+
+def test_a_folder_in_place_of_the_document_is_of_the_user(out: Path, reconstruction: Reconstruction):
+    save_reconstruction(reconstruction, out, "numbers")
+    (out / "reconstruction.json").unlink()
+    (out / "reconstruction.json").mkdir()
+    listed = ("reconstruction.json", "reconstruction.npz")
+    with pytest.raises(OutputError, match=r"reconstruction\.json there is not of an earlier run"):
+        save_reconstruction(reconstruction, out, "numbers", earlier=listed)
+    assert sorted(path.name for path in out.iterdir()) == sorted(listed)
 
 
 def test_earlier_pictures_are_known_where_the_new_ones_fail(

@@ -52,6 +52,7 @@ CANNOT_RUN_CODE = {
     ),
     "a table of photos for `physic batch`": (
         "tests/batch/test_photos.py::test_a_table_with_faults_is_an_error",
+        "tests/batch/test_photos.py::test_the_cells_of_a_photo_are_checked_as_settings",
         "tests/batch/test_photos.py::test_parquet_tables_of_pandas_have_nan_for_missing_values_and_numbers_as_ids",
     ),
     "text of others in messages": (
@@ -127,6 +128,7 @@ WRITTEN = {
     "No file of an output folder": (
         "tests/files/test_own.py::test_a_file_is_appended_to_and_a_link_is_not",
         "tests/io/test_output.py::test_an_edited_file_and_a_link_are_kept_beside_the_new_one",
+        "tests/io/test_output.py::test_a_folder_that_is_a_link_is_written_to",
     ),
     "The photo is never replaced": (
         "tests/io/test_output.py::test_the_photo_is_never_overwritten",
