@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 _ORTHONORMAL = 0.01  # largest deviation of R R^T from the identity; files have four digits or more
 _LARGEST = 1e9  # number of an entry, in px or in the file's unit
 _LARGEST_FILE = 1 << 20  # bytes; a camera takes less than 1,000
+_LARGEST_UNIT = 1000.0  # metres
 
 _Number = Annotated[float, Field(ge=-_LARGEST, le=_LARGEST)]
 _Vector = tuple[_Number, _Number, _Number]
@@ -101,8 +102,10 @@ def read_calibration(
         unit_m: length of the unit of ``t``, metres.
 
     Raises:
-        InputError: the file cannot be read, a camera is invalid, or none is that of a photo.
+        InputError: the file cannot be read, a camera or the unit is invalid, or no camera is that of a photo.
     """
+    if not 0 < unit_m <= _LARGEST_UNIT:
+        raise InputError(f"the unit of {path} is {unit_m:g} m, but should be above 0 and at most {_LARGEST_UNIT:g} m")
     cameras = _tables(path)
     named = [_name_for(photo, cameras) for photo in photos]
     if not any(named):

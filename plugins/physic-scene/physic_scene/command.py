@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     "--camera-unit",
     "unit_m",
     metavar="METRES",
-    type=click.FloatRange(min=0, min_open=True),
+    type=float,
     default=1.0,
     help="Length of the unit of --cameras, such as 0.01 for centimetres.",
 )

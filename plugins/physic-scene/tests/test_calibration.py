@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+import os
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +25,9 @@ def camera_table(**changes) -> str:
     entries = {"size": [640, 480], "K": K, "distortion": [-0.1, 0.02, 0.001, -0.002], "R": TURN.as_matrix().tolist()}
     entries |= {"t": TRANSLATION.tolist(), **changes}
     return "[left]\n" + "".join(
-        f"{name} = {json.dumps(value)}\n" for name, value in entries.items() if value is not None
+        f"{name} = {json.dumps(value).replace('Infinity', 'inf')}\n"
+        for name, value in entries.items()
+        if value is not None
     )
 
 
@@ -62,6 +66,12 @@ def test_the_unit_of_the_file_can_be_given(written):
     assert np.linalg.norm(camera.pose[:3, 3]) == pytest.approx(np.linalg.norm(TRANSLATION) / 1000)
 
 
+@pytest.mark.parametrize("unit_m", [0, -1, math.inf, math.nan])
+def test_a_unit_that_is_no_length_is_refused(written, unit_m):
+    with pytest.raises(InputError, match="unit"):
+        read_calibration(written(camera_table()), PHOTOS, SIZES, unit_m)
+
+
 def test_a_camera_of_a_longer_name_is_preferred_and_a_folder_names_one(written):
     text = camera_table() + camera_table().replace("[left]", "[left_0001]").replace("900.0", "950.0")
     camera, other = read_calibration(written(text), [PHOTOS[0], Path("left/7.jpg")], SIZES)
@@ -80,6 +90,8 @@ def test_a_camera_of_a_longer_name_is_preferred_and_a_folder_names_one(written):
         ({"R": [1, 2]}, "left.R"),
         ({"t": None}, "R and t"),
         ({"t": [0, 0, 1e308]}, "left.t"),
+        ({"t": [0, 0, math.inf]}, "left.t"),
+        ({"K": [[10**400, 0, 320], [0, 905, 240], [0, 0, 1]]}, "left.K"),
         ({"distortion": [0.1, 0.2]}, "distortion should be"),
         ({"fisheye": True}, "left.fisheye"),
     ],
@@ -104,6 +116,7 @@ def test_an_unreadable_file_is_named(text, written):
         read_calibration(path, PHOTOS, SIZES)
 
 
-def test_a_missing_file_is_named():
-    with pytest.raises(InputError, match=r"no\.toml"):
-        read_calibration(Path("no.toml"), PHOTOS, SIZES)
+@pytest.mark.parametrize(("path", "word"), [("no.toml", r"no\.toml"), (os.devnull, "regular file")])
+def test_a_missing_file_and_a_device_are_named(path, word):
+    with pytest.raises(InputError, match=word):
+        read_calibration(Path(path), PHOTOS, SIZES)
