@@ -95,7 +95,8 @@ class PhotoProcessor:
         Raises:
             OutputError: the files cannot be written: the disk is full, or gone.
         """
-        start, item = time.perf_counter(), item.stamped()
+        # As the photo, files that the settings name may change while they are read.
+        start, item, config = time.perf_counter(), item.stamped(), {"config": self.job.digest(item)}
         try:
             result = self._reconstruct(item.path, item.settings)
             self._save(result, item)
@@ -103,11 +104,12 @@ class PhotoProcessor:
         except Exception as error:  # whatever a photo causes costs this photo alone
             if isinstance(error, OutputError) and isinstance(error.__cause__, OSError):
                 raise  # of the disk, which concerns every photo
-            return failed_row(self.job, item, type(error).__name__, str(error), time.perf_counter() - start)
+            return failed_row(self.job, item, type(error).__name__, str(error), time.perf_counter() - start) | config
         summary = result.summary()
         loading = float(summary["load_seconds"] or 0)
         failed = dict.fromkeys(check.name for check in result.checks if check.failed)
         return base_row(self.job, item) | {
+            **config,
             "state": "done",
             "seconds": time.perf_counter() - start - loading,
             "photo": result.photo,

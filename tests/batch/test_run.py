@@ -365,6 +365,24 @@ def test_a_photo_that_is_replaced_while_it_is_read_is_done_again(tmp_path: Path,
     assert sorted(todo(job, photos)) == ["done", "failed"]
 
 
+@pytest.mark.parametrize("fails", [False, True])
+def test_a_photo_whose_depth_map_changes_while_it_is_read_is_done_again(tmp_path: Path, out: Path, fails: bool):
+    make_photos(tmp_path, "a")
+    (tmp_path / "table.csv").write_text("path,depth\na.jpg,depth.npy\n")
+    (tmp_path / "depth.npy").write_bytes(b"one")
+
+    def changed(path: str, settings: Mapping[str, Any]) -> Any:
+        Path(settings["depth"]).write_bytes(b"two")
+        if fails:
+            raise InputError("damaged")
+        return tiny_result()
+
+    job = job_for(out)
+    process, items = PhotoProcessor(job, changed), list_photos([str(tmp_path / "table.csv")]).photos
+    run_batch(items, job, lambda items, job: (process(item) for item in items), out / "journal.jsonl")
+    assert todo(job, tmp_path / "table.csv") == ["a"]
+
+
 def test_failed_photos_are_tried_again_with_retry(tmp_path: Path, out: Path):
     photos, job = make_photos(tmp_path / "photos", "a"), job_for(out)
     finished(job, photos, state="failed", error="NoPersonError")
