@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 _MOST_SAMPLES = 500  # of a row, whatever the size of the photo
 _PLAIN = 8  # most levels by which a border varies, and a sky over a horizon by more
 _STRAY = 0.002  # share of other pixels in a border
-_EDGE = 0.8  # share of other pixels in the first row of the photo: a head or a hat on a plain background spans less
+_EDGE = 0.8  # share of columns with other pixels in the first rows of the photo: a head on a plain ground spans less
+_FIRST_PX = 16  # parts of one row may have the colour of the border, as bright sand has that of a white one
 _RINGING_PX = 16  # JPEG changes a border in the blocks that it shares with the photo
 _LEAST_BAR = 0.01  # of the side: less disturbs no network
 _LEAST_INSIDE = 0.1  # of the area: the whole result has at most ten times the pixels of the picture inside
@@ -63,7 +64,8 @@ def _bar(rows: UInt8Array) -> int:
     near = slice(stop, stop + _RINGING_PX + 1)
     steps = np.abs(samples[near] - samples[stop - 1 : near.stop - 1]).mean((1, 2))
     edge = stop + int((steps >= steps.max() / 2).argmax())
-    return edge if (difference[edge] > 2 * tolerance).mean() >= _EDGE else 0
+    first = difference[edge : edge + _FIRST_PX] > 2 * tolerance
+    return edge if first.any(0).mean() >= _EDGE else 0
 
 
 def cut_camera(camera: Intrinsics, size: tuple[int, int], inside: Inside) -> Intrinsics:
