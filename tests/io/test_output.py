@@ -210,6 +210,20 @@ def test_a_link_in_place_of_the_document_is_of_the_user(out: Path, reconstructio
     assert (out / "reconstruction.json").is_symlink()
 
 
+def test_a_file_that_the_user_writes_while_pictures_are_made_is_kept(
+    out: Path, reconstruction: Reconstruction, monkeypatch: pytest.MonkeyPatch
+):
+    def mesh(result: Reconstruction) -> bytes:
+        (out / "combined.glb").write_text("mine")
+        return b"mesh"
+
+    monkeypatch.setattr("physic_core.visual.glb.combined_glb", mesh)
+    monkeypatch.setattr("physic_core.visual.preview.preview_png", lambda result: b"picture")
+    with pytest.raises(OutputError, match=r"combined\.glb there is not of an earlier run"):
+        reconstruction.save(str(out))
+    assert [(path.name, path.read_text()) for path in out.iterdir()] == [("combined.glb", "mine")]
+
+
 def test_a_folder_that_is_a_link_is_written_to(tmp_path: Path, reconstruction: Reconstruction):
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "out").symlink_to("elsewhere")

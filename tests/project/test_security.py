@@ -109,6 +109,7 @@ WRITTEN = {
     "A file of yours is never replaced": (
         "tests/io/test_output.py::test_every_foreign_file_is_named_at_once",
         "tests/io/test_output.py::test_saving_replaces_the_same_photos_result_alone",
+        "tests/io/test_output.py::test_a_file_that_the_user_writes_while_pictures_are_made_is_kept",
         "tests/io/test_output.py::test_an_edited_file_and_a_link_are_kept_beside_the_new_one",
         "tests/batch/test_files_of_the_user.py::test_an_edited_file_of_a_result_is_kept",
         "tests/io/test_results.py::test_an_edited_document_is_read_and_replaced_as_the_runs_own",
