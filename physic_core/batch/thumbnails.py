@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 
 _HEIGHT = 180  # px of a thumbnail: photo with people, and side view
 
+_NARROWEST, _WIDEST, _SIDE_VIEW = 1 / 3, 16 / 9, 11 / 9
+"""Width over height of the narrowest and the widest photo, and of the side view."""
+
 
 def thumbnail_path(folder: str) -> str:
     """Return the path of a thumbnail in the output folder for a photo's folder "photos/3f/NAME"."""
@@ -21,7 +24,7 @@ def thumbnail_path(folder: str) -> str:
 
 
 def write_thumbnail(result: Reconstruction, out: Path, folder: str) -> None:
-    """Write the people over the photo, and the side view, as one small JPEG of 180 px height.
+    """Write the thumbnail of a photo as one small JPEG of 180 px height.
 
     Args:
         result: of the photo.
@@ -31,21 +34,26 @@ def write_thumbnail(result: Reconstruction, out: Path, folder: str) -> None:
     Raises:
         OutputError: it cannot be written.
     """
+    write_own(out / thumbnail_path(folder), thumbnail_jpeg(result, _HEIGHT))
+
+
+def thumbnail_jpeg(result: Reconstruction, height: int) -> bytes:
+    """Return the people over the photo, and the side view, as one JPEG of a height in px."""
     import numpy as np
     from PIL import Image
 
     from physic_core.visual.orthographic_views import build_preview_geometry, side_view
     from physic_core.visual.panels import overlay_panel
 
-    height, width = result.image.shape[:2]
     geometry = build_preview_geometry(result)
-    wide = max(60, min(320, round(_HEIGHT * width / height)))
+    aspect = result.image.shape[1] / result.image.shape[0]
+    wide = round(height * max(_NARROWEST, min(_WIDEST, aspect)))
     panels: Sequence[object] = (
-        overlay_panel(result, geometry, wide, _HEIGHT),
-        side_view(geometry, 220, _HEIGHT).picture,
+        overlay_panel(result, geometry, wide, height),
+        side_view(geometry, round(_SIDE_VIEW * height), height).picture,
     )
     buffer = io.BytesIO()
-    Image.fromarray(np.concatenate([np.asarray(panel)[:_HEIGHT] for panel in panels], axis=1)).save(
+    Image.fromarray(np.concatenate([np.asarray(panel)[:height] for panel in panels], axis=1)).save(
         buffer, "JPEG", quality=72, optimize=True, comment=MARK
     )
-    write_own(out / thumbnail_path(folder), buffer.getvalue())
+    return buffer.getvalue()

@@ -84,6 +84,7 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 _COMMANDS = {
     "batch": ("physic_core.cli.batch:batch", "Reconstruct many photos in several processes; can resume."),
     "cache": ("physic_core.cli.cache:cache", "Show or clear the cache."),
+    "compare": ("physic_core.cli.compare:compare", "Compare two results, or two folders of results, person by person."),
     "config": ("physic_core.cli.config:config", "Check, show or create a configuration."),
     "export": ("physic_core.cli.export:export", "Export a result to Blender, Unity, MuJoCo, USD, MeshLab, ..."),
     "plugins": ("physic_core.cli.plugins:plugins", "List installed backends; show or test them; create a plugin."),

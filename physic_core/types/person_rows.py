@@ -34,7 +34,7 @@ def person_rows(result: Reconstruction) -> list[dict[str, Any]]:
     main = main_people([person.box for person in result.people])
     rows = []
     for index, (person, sigma) in enumerate(zip(result.people, result.distance_sigmas, strict=True)):
-        distance = _distance_m(person)
+        distance = pelvis_distance_m(person)
         rows.append(
             {
                 "person": index,
@@ -61,7 +61,8 @@ def _why(person: Person, checks: Sequence[CheckResult]) -> str:
     return f"not measured: {unknown}" if unknown else ""
 
 
-def _distance_m(person: Person) -> float | None:
+def pelvis_distance_m(person: Person) -> float | None:
+    """Return the distance of a person's pelvis from the camera, metres; None without a body."""
     pelvis = person.joints[0].tolist() if len(person.joints) else [math.nan]
     return math.hypot(*pelvis) if all(map(math.isfinite, pelvis)) else None
 

@@ -35,6 +35,7 @@ def imports(arguments: list[str], banned: set[str], ends: tuple[int, ...] = (0,)
         ["plugins", "new", "--help"],
         ["run", "--help"],
         ["batch", "--help"],
+        ["compare", "--help"],
         ["config", "show"],
         ["config", "--help"],
         ["bench", "accuracy", "--help"],
