@@ -1,4 +1,4 @@
-"""Fit the probability of contact, ``physic_core/engine/contact/coefficients.json``, on synthetic worlds.
+"""Fit the contact of vertices, ``physic_core/engine/contact/coefficients.json``, on synthetic worlds.
 
     python -m benchmarks.contact_probability sample MAKE --seed 1 --worlds 45 --raised-worlds 35 --people-worlds 30
     python -m benchmarks.contact_probability sample CHOOSE --seed 2 --worlds 20 --raised-worlds 15 --people-worlds 10
@@ -8,8 +8,9 @@
 
 ``sample`` runs estimators and engine, and keeps the features of the vertices of each world in a folder; an interrupted
 run continues. ``fit`` finds the coefficients of the columns that the file names by maximum likelihood on one folder,
-and writes them with their error on another. ``columns`` prints the loss on the other folder with and without each
-column, for all columns that the engine computes. ``thresholds`` prints what each threshold of the fitted model finds.
+and writes them with their error on another; which vertices touch the scene is fitted on body parts that do. ``columns``
+prints the loss on the other folder with and without each column, for all columns that the engine computes.
+``thresholds`` prints what each threshold of the fitted model finds.
 Each person counts the same. The worlds have the noise of version 4, other bodies and labelled surfaces. Worlds of
 people whose feet are over the ground, and of people who touch each other, are added, since both are rare.
 """
@@ -34,6 +35,7 @@ from physic_bench.worlds.world_evidence import WorldCase, benchmark_cases, estim
 from physic_core.body.model import BodyModel
 from physic_core.engine.contact.features import KINDS, feature_columns, measure_distances
 from physic_core.engine.contact.partner import VertexContacts, body_contacts
+from physic_core.engine.contact.parts import near_scene, nearness, scene_contact, scene_parts_of_body
 from physic_core.engine.contact.probability import contact_model
 from physic_core.engine.contact.problem import ContactInput, ContactResult
 from physic_core.engine.contact.regions import contact_regions
@@ -54,7 +56,14 @@ RIDGE = 1e-4
 """Weight of the squared coefficients: columns that say the same share one effect."""
 
 PART_COLUMNS = ("constant", "log odds")
-STATED = {"scene": ("floor", "scene", "hidden"), "person": ("person",), "own body": ("self",), "object": ("object",)}
+SCENE = "scene"
+NEAR = ("rise", "facing", "hand or foot", "of the scene", "touches")
+"""Columns of vertices at the scene: as ``NearScene``, the engine's probability, and whether the body part touches."""
+
+LEAST_VERTICES = 10
+"""Of a body part that truly touches."""
+
+STATED = {SCENE: ("floor", "scene", "hidden"), "person": ("person",), "own body": ("self",), "object": ("object",)}
 
 
 def main() -> int:
@@ -109,7 +118,12 @@ def samples_of(
     """Return the arrays of one world: for each person and kind of contact columns, truth and listed body parts."""
     near = measure_distances(given, DEFAULT.contact.measure)
     outer, finite = given.model.outer.numpy(), given.finite.tolist()
-    arrays: dict[str, Any] = {"pairs": np.array([pair for pair in pairs if finite[pair[0]]], np.int64).reshape(-1, 2)}
+    arrays: dict[str, Any] = {
+        f"names {SCENE}": np.array(NEAR),
+        "pairs": np.array([pair for pair in pairs if finite[pair[0]]], np.int64).reshape(-1, 2),
+    }
+    at, limbs = near_scene(given, near), given.part("hand", "foot").expand_as(near.surface.scene)
+    likely = scene_contact(given, near)[0]
     for kind, columns in feature_columns(given, near).items():
         arrays[f"names {kind}"] = np.array(list(columns))
         for row, _ in arrays["pairs"]:
@@ -117,6 +131,11 @@ def samples_of(
             arrays[f"{kind} {row}"] = table.astype(np.float32)
     for row, true in arrays["pairs"]:
         touched = dict(zip(KINDS, true_contact(world, int(true)), strict=True))
+        parts = torch.zeros_like(given.model.outer)
+        for chosen in scene_parts_of_body(given.model).values():
+            parts |= chosen & bool(touched[SCENE][chosen.numpy()].sum() >= LEAST_VERTICES)
+        table = torch.stack([x.float() for x in (at.rise[row], at.facing[row], limbs[row], likely[row], parts)], 1)
+        arrays[f"{SCENE} {row}"] = table.numpy()[outer].astype(np.float32)
         arrays[f"truth {row}"] = np.stack([values[outer] for values in touched.values()])
         arrays[f"seen {row}"] = given.seen[row].numpy()[outer]
         arrays[f"parts {row}"] = np.array(part_samples(given.model, result, int(row), touched)).reshape(-1, 2)
@@ -142,7 +161,7 @@ def part_samples(
         here = part & (index == result.partners.index(one.partner))
         surest = likely[here].topk(min(10, one.vertices)).values.mean()
         kind = next(kind for kind, names in STATED.items() if one.partner.kind in names)
-        true = touched[kind][part.numpy()].sum() >= 10
+        true = touched[kind][part.numpy()].sum() >= LEAST_VERTICES
         rows.append((float(torch.logit(surest.double(), 1e-6)), float(true)))
     return rows
 
@@ -231,6 +250,8 @@ def calibration_error(p: Array, true: NDArray[np.bool_]) -> float:
 def compare_columns(make: Samples, choose: Samples) -> None:
     """Print the loss with all columns, and what it rises by without each of them."""
     for kind, names in make.names.items():
+        if kind == SCENE:
+            continue
         held = choose.tables(kind, names)
         full = loss(held, logistic(make.tables(kind, names))) if held else float("nan")
         print(f"{kind}: loss {full:.5f} with all columns")
@@ -243,8 +264,9 @@ def compare_columns(make: Samples, choose: Samples) -> None:
 def fit(make: Samples, choose: Samples) -> None:
     """Fit the columns of the file, and write the file."""
     model = contact_model()
-    vertex = {kind: dict.fromkeys(model.vertex[kind], 0.0) for kind in KINDS}
-    losses = {}
+    vertex = {kind: dict.fromkeys(values, 0.0) for kind, values in model.vertex.items()}
+    widths = fit_nearness(make)
+    losses = {f"{SCENE}, of parts that touch": nearness_loss(list(widths.values()), touching(choose))}
     for kind, chosen in vertex.items():
         found = logistic(make.tables(kind, list(chosen)))
         losses[kind] = loss(choose.tables(kind, list(chosen)), found)
@@ -266,11 +288,42 @@ def fit(make: Samples, choose: Samples) -> None:
         + ", ".join(f"{kind} {value:.4f}" for kind, value in losses.items())
         + "; calibration error of "
         + ", ".join(f"{name} {value:.3f}" for name, value in errors.items()),
+        "nearness": widths,
         "vertex": vertex,
         "part": {name: round(float(value), 3) for name, value in zip(PART_COLUMNS, part, strict=True)},
     }
     COEFFICIENTS.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
     print(json.dumps(record, indent=2))
+
+
+def touching(samples: Samples) -> list[Table]:
+    """Return rise, facing and limb of the vertices on parts that touch the scene, and truth, of each person."""
+    found = []
+    for columns, true in samples.tables(SCENE, NEAR):
+        chosen = columns[:, NEAR.index("touches")] > 0
+        found += [(columns[chosen], true[chosen])] if chosen.any() else []
+    return found
+
+
+def fit_nearness(make: Samples) -> dict[str, float]:
+    """Return the most likely widths of contact on parts that touch the scene."""
+    from scipy.optimize import minimize
+
+    names = [f"{name}{of}" for of in ("", ", hand or foot") for name in ("far_m", "facing")]
+    tables = touching(make)
+    found = minimize(lambda widths: nearness_loss(widths, tables), [0.1, 2.0, 0.05, 0.2], method="Nelder-Mead").x
+    return dict(zip(names, found.round(3).tolist(), strict=True))
+
+
+def nearness_loss(widths: Sequence[float], tables: Sequence[Table]) -> float:
+    """Return the log loss of the vertices of parts that touch, mean over people, by widths (4,)."""
+    each = []
+    for columns, true in tables:
+        rise, facing, limb = torch.from_numpy(columns[:, :3]).T
+        far_m, power = (torch.where(limb > 0, widths[i + 2], widths[i]) for i in range(2))
+        p = nearness(rise, facing, far_m.abs(), power.abs()).numpy().clip(1e-3, 1 - 1e-3)
+        each.append(-np.log(np.where(true, p, 1 - p)).mean())
+    return float(np.mean(each))
 
 
 def part_columns(parts: Array) -> Array:
@@ -284,9 +337,17 @@ def anything_of(
     """Return the probability (n,) of contact with anything."""
     free: Array = np.ones(len(next(iter(person.values()))[1]))
     for kind, (columns, _) in person.items():
-        weights = np.array([vertex[kind].get(name, 0.0) for name in names[kind]])
-        free = free * (1 - probability(columns.astype(np.float64), weights))
+        free = free * (1 - likelihood_of(kind, columns.astype(np.float64), vertex, names))
     return 1 - free
+
+
+def likelihood_of(
+    kind: str, columns: Array, vertex: Mapping[str, Mapping[str, float]], names: Mapping[str, Sequence[str]]
+) -> Array:
+    """Return the probability (n,) of one kind of contact; that with the scene is the engine's."""
+    if kind == SCENE:
+        return columns[:, NEAR.index("of the scene")]
+    return probability(columns, np.array([vertex[kind].get(name, 0.0) for name in names[kind]]))
 
 
 def compare_thresholds(choose: Samples) -> None:
@@ -326,9 +387,8 @@ def skin_of(
         columns, true = person.get(kind, (None, None))
         if columns is None:
             continue
-        weights = np.array([vertex[kind].get(name, 0.0) for name in names[kind]])
-        near = columns[:, names[kind].index("nothing near")] == 0
-        chances[kind] = np.where(near, probability(columns.astype(np.float64), weights), 0.0)
+        near = np.isfinite(columns[:, 0]) if kind == SCENE else columns[:, names[kind].index("nothing near")] == 0
+        chances[kind] = np.where(near, likelihood_of(kind, columns.astype(np.float64), vertex, names), 0.0)
         truths += [true] if kind != "scene" else []
     skin = np.max([chance for kind, chance in chances.items() if kind != "scene"], axis=0)
     return np.where(skin > chances["scene"], skin, 0.0), np.any(truths, axis=0)

@@ -72,7 +72,7 @@ RULES = (
     Rule("stature", "MPJPE mm", ("joint.stature.weight=0",)),
     Rule("free shape", "MPJPE mm", ('joint.frozen=["betas"]',)),
     Rule("people term", "people F1", ("joint.contact.people_weight=0", "joint.penetration.people_weight=0")),
-    Rule("lifted feet", "F1", ("placement.detect_lifted_feet=false",)),
+    Rule("stance", "F1", ("placement.stance=false",)),
     Rule("skin contact", "self F1", ("contact.people=false",), contact_only=True),
     Rule("objects", "F1", ("contact.objects=false",), contact_only=True),
     Rule("hidden supports", "support F1", ("contact.assume_supports=false",), contact_only=True),

@@ -8,8 +8,7 @@ import torch
 from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
-from physic_core.body.model import BodyModel
-from physic_core.types.skeletons import SIDES, Skeleton, is_finger
+from physic_core.types.skeletons import Skeleton, is_finger
 
 _END_JOINT = {
     "upper_leg": "knee",
@@ -25,7 +24,6 @@ _HIPS, _KNEES = joint_pair("hip"), joint_pair("knee")
 
 _MAX_FINGER_KEYPOINTS = 10  # a joint set with more has keypoints of all finger joints
 _STRAIGHT_HIP_COSINE = 0.707  # 45 degrees
-_MIN_HOLD_PROBABILITY = 0.75  # of the contact prior, mean of a hand that holds something
 
 
 def limb_part_indices(part_names: Sequence[str]) -> list[int]:
@@ -93,9 +91,3 @@ def straight_hips(joints: Tensor) -> Tensor:
     trunk = torch.nn.functional.normalize(joints[:, _PELVIS] - joints[:, _NECK], dim=-1)
     thighs = torch.nn.functional.normalize(joints[:, _KNEES] - joints[:, _HIPS], dim=-1)
     return (thighs * trunk[:, None]).sum(-1) > _STRAIGHT_HIP_COSINE
-
-
-def hands_may_hold(model: BodyModel, probability: Tensor) -> Tensor:
-    """Return which hands may hold something, left and right, by the contact prior: (B, V) -> (B, 2) bool."""
-    means = [probability[:, model.contact_sets[f"{side}_hand"]].mean(1) for side in SIDES]
-    return torch.stack(means, 1) >= _MIN_HOLD_PROBABILITY

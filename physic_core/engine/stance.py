@@ -1,41 +1,47 @@
-"""Whether each foot stands: by its keypoints, by the depth behind it, and by the size that standing gives the scene.
+"""Whether feet touch something, and what the picture shows beside feet, hands and seat, before people are placed.
+
+A foot that is much higher than the other one in the picture is in the air or farther away. And what a part of the body
+touches has its depth: somewhere beside the part, the depth map of the photo shows the depth of the part itself. Behind
+a part in the air, it is farther. This holds in any unit and wherever people are placed. The weights of both are in
+``touch.json``.
 
 At the pixels of a foot on the ground, the depth map of the photo and that of the scene without people nearly agree: the
-ground continues behind the foot. A foot in the air has a gap. The gap is the logarithm of the ratio of both depths;
-over level ground it is about the foot's height as a share of the camera's height, in any unit and at any distance. A
-foot on a seat or a table also has such a gap. Where surface labels show one of these around the foot, its gap says
-nothing of the floor.
+ground continues behind the foot. A foot in the air has a gap, the logarithm of the ratio of both depths. A foot on a
+seat or a table also has one: where surface labels show these around the foot, its gap says nothing of the floor. A gap
+that no foot can have says that the photo's depth of the person is wrong.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from physic_core.body.feet_in_picture import foot_touch_probability
 from physic_core.engine.placement.background import dilate_square
 from physic_core.engine.placement.detections import ObservedPeople
+from physic_core.engine.touch import DEPTH_BESIDE, LEAST_PROBABILITY, touch_log_odds
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import SIDES
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from physic_core.types import BoolArray, FloatArray
 
-MIN_FOOT_GAP = 0.1
-"""Minimum gap of a lifted foot; feet on the ground have at most 0.08 in photos."""
+_TOES = ("foot_tip", "big_toe")
+_MOST_TRUNKS = 1.0  # a foot that is still higher than the other one says no more
+_USUAL_BESIDE, _MOST_BESIDE = 0.1, 0.3  # of parts that nothing is known of; and where larger ones say no more
 
-_MIN_FOOT_HEIGHT_M = 0.12
-"""Minimum height of a lifted foot above the floor, metres. Heels and ankles are higher than soles, and the gaps of a
-low camera are large."""
+_BESIDE_SHARE, _BESIDE_SEAT_SHARE = 0.1, 0.2  # of the height of a person's mask: background beside a part
+_FINGERS = 0.45  # of a forearm, from the wrist to the middle of the hand
+_QUANTILES = np.linspace(0.05, 0.95, 19)  # of the depths beside a part
 
-_LIFTED_SIGMAS = 3.0  # from standing on the floor
 _MIN_CONFIDENCE = 0.3  # of the keypoints of a foot
 _RADIUS_SHARE = 0.02  # of the height of a person's mask: pixels around a keypoint
 _MIN_PIXELS = 4
@@ -54,43 +60,143 @@ _WRONG_GAPS = 6.0  # range of their gaps
 
 @dataclass(frozen=True)
 class Stance(ShortRepr):
-    """How N people stand, left and right foot.
+    """What a picture shows of the touch of N people; feet and hands are left and right.
 
     Attributes:
-        touch: (N, 2) probability by the keypoints that the foot touches floor, seat or support.
-        gap: (N, 2) logarithm of the depth behind the foot by its own, NaN where unknown.
-        on_furniture: (N, 2) bool, feet among surfaces that can carry a foot above the ground; None without labels.
-        stands: (N, 2) probability that the foot stands on the floor, which is not the photo's without one.
+        lower: (N, 2) how much lower the foot is than the other one in the picture, in lengths of the trunk; NaN
+            where unknown.
+        beside: (N, 5) smallest difference of the logarithm of depth between feet, hands and seat and what the picture
+            shows beside each of them; NaN where unknown.
         score: (N,) standard deviations from standing on the floor: about 0 for people who stand, negative for feet in
             the air. Their rays meet the floor farther away, so that the scale by the soles is less than by the torso.
             NaN where soles or torso are not visible, or the point map does not state ``people_farther``.
+        stands: (N, 2) probability that the foot stands on the floor, which is not the photo's without one.
     """
 
-    touch: FloatArray
-    gap: FloatArray
-    on_furniture: BoolArray | None
-    stands: FloatArray
+    lower: FloatArray
+    beside: FloatArray
     score: FloatArray
+    stands: FloatArray
+
+    @staticmethod
+    def unknown(count: int) -> Stance:
+        """Return the stance of N average people."""
+        feet, nothing = np.full((count, 2), np.nan), np.full(count, np.nan)
+        stance = Stance(feet, np.full((count, 5), np.nan), nothing, feet)
+        return replace(stance, stands=_ON_FLOOR_SHARE * stance.touch)
+
+    @property
+    def depth_beside(self) -> FloatArray:
+        """Feature (N, 5) of feet, hands and seat: 0 where nothing is known of the depth beside them."""
+        return np.clip(np.nan_to_num(self.beside, nan=_USUAL_BESIDE), 0.0, _MOST_BESIDE) - _USUAL_BESIDE
+
+    @property
+    def touch(self) -> FloatArray:
+        """Probability (N, 2) that the foot touches floor, seat or support."""
+        features = {"lower than the other foot": np.nan_to_num(self.lower), DEPTH_BESIDE: self.depth_beside[:, :2]}
+        return np.asarray(1 / (1 + np.exp(-touch_log_odds("foot in the picture", features))))
+
+    @property
+    def in_air(self) -> BoolArray:
+        """People (N,) neither of whose feet probably touches anything."""
+        return np.asarray((self.touch < LEAST_PROBABILITY).all(1))
 
     def expanded(self, rows: BoolArray) -> Stance:
         """Return N rows from those of the people selected by ``rows`` (N,); the others have average feet."""
-        average = foot_touch_probability(np.zeros((1, 0, 2)), ())[0]
 
         def wider(array: NDArray[Any], empty: FloatArray | float = np.nan) -> NDArray[Any]:
             found = np.full((len(rows), *array.shape[1:]), empty, array.dtype)
             found[rows] = array
             return found
 
-        among = None if self.on_furniture is None else wider(self.on_furniture, False)
-        touch, stands = wider(self.touch, average), wider(self.stands, average)
-        return Stance(touch, wider(self.gap), among, stands, wider(self.score))
+        stands = wider(self.stands, Stance.unknown(1).stands[0])
+        return Stance(wider(self.lower), wider(self.beside), wider(self.score), stands)
+
+
+def touch_in_picture(points: FloatArray, names: Sequence[str]) -> FloatArray:
+    """Return the probability (N, 2) that feet touch something by keypoints (N, J, 2), px, with names, alone."""
+    return replace(Stance.unknown(len(points)), lower=lower_than_the_other(points, names)).touch
+
+
+def lower_than_the_other(points: FloatArray, names: Sequence[str]) -> FloatArray:
+    """Return how much lower each foot is than the other one in the picture (N, 2), in lengths of the trunk.
+
+    NaN without finite keypoints of trunk and both feet.
+
+    Args:
+        points: (N, J, 2) px; y points down.
+        names: of the J keypoints, such as "left_heel".
+    """
+    row = {name: j for j, name in enumerate(names)}
+    toe = next((name for name in _TOES if f"left_{name}" in row), "")
+    ends = ("ankle", "heel", toe)
+    used = [f"{side}_{part}" for side in SIDES for part in ("shoulder", "hip", *ends)]
+    if not all(name in row for name in used):
+        return np.full((len(points), 2), np.nan)
+    at = {name: np.asarray(points[:, row[name]], np.float64) for name in used}
+    shoulders, hips = ((at[f"left_{name}"] + at[f"right_{name}"]) / 2 for name in ("shoulder", "hip"))
+    trunk = np.linalg.norm(shoulders - hips, axis=-1)
+    left, right = (np.max([at[f"{side}_{end}"][:, 1] for end in ends], axis=0) for side in SIDES)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        lower = np.clip((left - right) / trunk, -_MOST_TRUNKS, _MOST_TRUNKS)
+    return np.stack([lower, -lower], 1)
+
+
+def depth_beside(people: ObservedPeople, photo: Tensor) -> FloatArray:
+    """Return the smallest difference of log depth between feet, hands and seat, and the picture beside them, (N, 5).
+
+    Args:
+        people: keypoints and masks of N people.
+        photo: (H, W) depth of the photo, any unit, NaN where unknown.
+    """
+    log, masks = photo.log(), people.masks.cpu()
+    background = ~dilate_square(masks.any(0), _MARGIN_PX)
+    found = np.full((len(masks), 5), np.nan)
+    for i, mask in enumerate(masks):
+        size = _height_px(mask)
+        for k, places in enumerate(_places_of_parts(people.keypoints[i].cpu(), people.skeleton.names)):
+            if not bool(torch.isfinite(places).all()):
+                continue
+            share = _BESIDE_SEAT_SHARE if len(places) == 1 else _BESIDE_SHARE
+            own = torch.cat([_around(log, mask, place, max(2.0, _RADIUS_SHARE * size)) for place in places])
+            others = _around(log, background, places.mean(0), _MARGIN_PX + share * size)
+            if min(len(own), len(others)) >= _MIN_PIXELS:
+                found[i, k] = np.abs(np.quantile(others.numpy(), _QUANTILES) - np.median(own.numpy())).min()
+    return found
+
+
+def _places_of_parts(points: Tensor, names: Sequence[str]) -> list[Tensor]:
+    """Return places (n, 2) px on both feet, both hands and the seat, from keypoints (J, 2); NaN where unknown."""
+    row = {name: j for j, name in enumerate(names)}
+    toe = next((name for name in _TOES if f"left_{name}" in row), "")
+
+    def at(name: str) -> Tensor:
+        return points[row[name]].double() if name in row else torch.full((2,), torch.nan, dtype=torch.float64)
+
+    feet = [torch.stack([at(f"{side}_heel"), at(f"{side}_{toe}")]) for side in SIDES]
+    hands = []
+    for side in SIDES:
+        wrist = at(f"{side}_wrist")
+        hands.append(torch.stack([wrist, wrist + _FINGERS * (wrist - at(f"{side}_elbow"))]))
+    return [*feet, *hands, torch.stack([at(f"{side}_hip") for side in SIDES]).mean(0, keepdim=True)]
+
+
+def _height_px(mask: Tensor) -> float:
+    """Return the height of a mask (H, W), px; 0 if it is empty."""
+    rows = mask.any(1).nonzero()
+    return float(rows[-1] - rows[0] + 1) if len(rows) else 0.0
 
 
 def standing_prior(touch: FloatArray, gap: FloatArray, on_furniture: BoolArray | None) -> tuple[FloatArray, FloatArray]:
     """Return the probability that feet stand on the floor, and that the photo's depth of people is right.
 
     The first is (N, 2), before any floor is known; the second (N,). A gap that is too large for a foot in the air says
-    that the depth is wrong, and nothing of the foot. See :class:`Stance` for the arguments.
+    that the depth is wrong, and nothing of the foot.
+
+    Args:
+        touch: (N, 2) probability that the feet touch something, by keypoints alone.
+        gap: (N, 2) of :func:`depth_gaps_at_feet`.
+        on_furniture: (N, 2) of the same; None without labels.
     """
     share = _ON_FLOOR_SHARE * np.where(False if on_furniture is None else on_furniture, _FURNITURE_SHARE, 1.0)
     prior = share * touch
@@ -106,33 +212,6 @@ def standing_prior(touch: FloatArray, gap: FloatArray, on_furniture: BoolArray |
     is_right = right / (right + wrong)
     by_gap = standing / np.maximum(standing + in_air, 1e-300)
     return is_right[:, None] * by_gap + (1 - is_right[:, None]) * prior, is_right
-
-
-def find_lifted_feet(stance: Stance, held: Tensor, camera_height_m: float) -> Tensor | None:
-    """Return the left and right feet in the air, (B, 2) bool; None without labels of furniture.
-
-    A foot with a gap is lifted. A person is in the air if both feet are, if the hands hold something and the mean of
-    the known gaps is that of a lifted foot, or if the scale by the soles says so: the depth of one foot is less certain
-    than that of both. People who lift a weight also hold something, with a mean gap of 0.07.
-
-    Args:
-        stance: of B people.
-        held: (B,) bool, people whose hands may hold something.
-        camera_height_m: of the camera over the floor.
-    """
-    if stance.on_furniture is None:
-        return None
-    gap = torch.from_numpy(np.where(stance.on_furniture, np.nan, stance.gap))
-    known = torch.isfinite(gap)
-    lifted = known & _is_lifted(gap, camera_height_m)
-    mean = torch.where(known, gap, 0.0).sum(1) / known.sum(1).clamp(min=1)
-    airborne = lifted.all(1) | (held & _is_lifted(mean, camera_height_m))
-    airborne |= torch.from_numpy(stance.score < -_LIFTED_SIGMAS)
-    return lifted | airborne[:, None]
-
-
-def _is_lifted(gap: Tensor, camera_height_m: float) -> Tensor:
-    return (gap > MIN_FOOT_GAP) & (camera_height_m * (1 - torch.exp(-gap)) > _MIN_FOOT_HEIGHT_M)
 
 
 def depth_gaps_at_feet(

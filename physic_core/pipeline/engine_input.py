@@ -151,7 +151,6 @@ def placement_input(given: EngineInput, scene: SceneState, known: KnownScene | N
         photo=given.photo,
         bodies=given.bodies,
         detections=given.detections,
-        contact_probability=given.contact_probability,
         known=known,
         stance=given.stance,
     )
@@ -199,7 +198,6 @@ def joint_problem(
         human_depth=photo.depth if agrees else None,
         human_points=photo.people if agrees else None,
         scale_sigma=scale_sigma,
-        lifted_feet=placed.lifted_feet,
         foot_touch=placed.foot_touch,
         estimated_transl=bodies.transl,
         keypoint_transl=placed.placement.keypoint_transl,
@@ -221,7 +219,7 @@ def contact_input(
     """
     s, vertices = result.scene_scale, result.vertices
     finite = vertices[torch.isfinite(vertices).flatten(1).all(1)]
-    lifted, objects = problem.lifted_feet, given.objects
+    objects = given.objects
     return ContactInput(
         model=problem.model,
         vertices=vertices,
@@ -229,15 +227,12 @@ def contact_input(
         rotations=result.rotations,
         prior=problem.contact_probability,
         observed=problem.observed_anywhere,
-        lifted_feet=torch.zeros(len(problem), 2, dtype=torch.bool) if lifted is None else lifted,
         surfaces=method.surfaces(problem, finite, s),
         classes=_classify_points(given, scene),
         plane=None if problem.floor_normal is None else (problem.floor_normal, problem.floor_offset * s),
         free=method.free_vertices(problem, vertices, s),
         objects=None if objects is None else _held_objects(problem, result, objects),
-        foot_gap=torch.from_numpy(given.stance.gap),
-        foot_touch=problem.foot_touch,
-        standing=torch.from_numpy(given.stance.score),
+        stance=given.stance,
     )
 
 

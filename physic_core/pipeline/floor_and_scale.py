@@ -214,21 +214,21 @@ def _people_seen(given: PeopleInScene, model: BodyModel) -> _Seen:
 
 
 def _stance_without_floor(given: PeopleInScene, observed: BoolArray) -> tuple[Stance, FloatArray]:
-    """Return what keypoints and depth say of the feet of N people, and how likely (N,) their depth is right."""
-    from physic_core.body.feet_in_picture import foot_touch_probability
+    """Return what keypoints and depth say of the touch of N people, and how likely (N,) their depth is right."""
     from physic_core.engine.placement.detections import ObservedPeople
-    from physic_core.engine.stance import Stance, depth_gaps_at_feet, standing_prior
+    from physic_core.engine.stance import Stance, depth_beside, depth_gaps_at_feet, lower_than_the_other, standing_prior
     from physic_core.geometry.tensors import optional_tensors, tensor
 
     people, keypoints = given.people, given.keypoints
     photo, scene = (tensor(np.where(m.valid, m.points[..., 2], np.nan)) for m in (given.photo, given.scene))
     (raised,) = optional_tensors(None if people.surfaces is None else people.surfaces.mask(*RAISED_SURFACES))
     shown = (tensor(keypoints.points), tensor(keypoints.confidence), tensor(observed), tensor(people.masks))
-    gap, among = depth_gaps_at_feet(ObservedPeople(keypoints.joint_set, *shown), photo, scene, raised)
-    touch = foot_touch_probability(keypoints.points, keypoints.joint_set.names)
-    on_furniture = None if raised is None else among.numpy()
-    stands, depth_right = standing_prior(touch, gap.numpy(), on_furniture)
-    return Stance(touch, gap.numpy(), on_furniture, stands, np.full(len(people), np.nan)), depth_right
+    detections = ObservedPeople(keypoints.joint_set, *shown)
+    lower = lower_than_the_other(keypoints.points, keypoints.joint_set.names)
+    stance = replace(Stance.unknown(len(people)), lower=lower)
+    gap, among = depth_gaps_at_feet(detections, photo, scene, raised)
+    stands, right = standing_prior(stance.touch, gap.numpy(), None if raised is None else among.numpy())
+    return replace(stance, beside=depth_beside(detections, photo), stands=stands), right
 
 
 def _sizes_of_people(given: PeopleInScene) -> tuple[FloatArray, FloatArray]:

@@ -9,12 +9,14 @@ import torch
 
 from physic_core.engine.joint.solve import DEEP_M
 from physic_core.engine.limbs import observed_parts
+from physic_core.engine.touch import LEAST_PROBABILITY
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.visibility import depth_order_violations
 from physic_core.pipeline.measures import UpAndFloor, clearance, depth_ratio, sole_height, support_gap, visible_share
 from physic_core.pipeline.silhouettes import PhotoEvidence, compare_silhouettes
 from physic_core.types.contacts import ContactPartner
+from physic_core.types.skeletons import SIDES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,7 +42,11 @@ def measure_people(problem: JointProblem, result: JointResult, found: ContactRes
         ground = UpAndFloor(problem.floor_normal.to(ground.up), problem.floor_offset * scale)
     soles = model.soles
     outward = vertex_normals(result.vertices, model.faces)
-    may_carry = model.outer & ~problem.feet_in_air()
+    may_carry = model.outer.expand_as(found.contact)
+    for side in SIDES if found.parts else ():
+        in_air = found.parts[f"{side}_foot"] < LEAST_PROBABILITY
+        foot = model.part_of_vertex == model.part_names.index(f"{side}_foot")
+        may_carry = may_carry & ~(in_air[:, None] & foot)
     if found.probability is not None:
         may_carry = may_carry & observed_parts(model.part_names, problem.observed_anywhere)[:, model.part_of_vertex]
     silhouettes = compare_silhouettes(result.vertices, model.faces, _photo_evidence(problem, scale))

@@ -57,7 +57,7 @@ def test_points_without_a_class_are_surfaces_by_their_connection():
 
 
 FLOOR_PARTNER, SEAT_PARTNER = ContactPartner("floor", "floor"), ContactPartner("scene", "seat", id=2)
-SAME_ODDS = ContactModel({}, {"constant": 0.0, "log odds": 1.0})
+SAME_ODDS = ContactModel({}, {"constant": 0.0, "log odds": 1.0}, {})
 
 
 def assigned(touched: list[int], scene: list[float], floor: list[float], point: list[int]) -> list[ContactPartner]:

@@ -4,28 +4,44 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 
 from physic_core.body.joints import JOINT_INDEX
+from physic_core.engine.contact.features import measure_distances
 from physic_core.engine.contact.method import ContactMethod
-from physic_core.engine.contact.parts import LEAST_PROBABILITY, scene_parts_of_body, weigh_parts
-from physic_core.engine.contact.probability import mean_of_surest
+from physic_core.engine.contact.parts import scene_contact, scene_parts_of_body
 from physic_core.engine.contact.solve import solve_contact
+from physic_core.engine.stance import Stance
+from physic_core.engine.touch import LEAST_PROBABILITY
 from physic_core.types import ContactPartner
 from physic_core.types.skeletons import SIDES
 
 from .test_contact_probability import alone
 
+METHOD = ContactMethod()
+
 
 @pytest.fixture
 def person(body):
-    """A person in the rest pose, head up, far from everything."""
-    return alone(body, plane=(torch.tensor([0.0, 1.0, 0.0]), 3.0))
+    """A person in the rest pose, head up, who stands on a floor."""
+    soles = float(body(*body.zero_pose()).vertices[..., 1].min())
+    return alone(body, (torch.tensor([0.0, 1.0, 0.0]), -soles), Stance.unknown(1))
 
 
-def likely(person, value: float) -> torch.Tensor:
-    return torch.full(person.vertices.shape[:2], value)
+def touch(given):
+    """Probability of contact with the scene: of the vertices (V,), and of each part."""
+    vertices, parts = scene_contact(given, measure_distances(given, METHOD.measure, skin=False))
+    return vertices[0], {name: float(value) for name, value in parts.items()}
+
+
+def raised(given, height: float):
+    return replace(given, plane=(given.plane[0], given.plane[1] + height), surfaces=over(given.surfaces, height))
+
+
+def over(surfaces, height: float):
+    return replace(surfaces, floor=(surfaces.floor[0], surfaces.floor[1] + height))
 
 
 def test_each_outer_vertex_belongs_to_one_part(body):
@@ -34,32 +50,32 @@ def test_each_outer_vertex_belongs_to_one_part(body):
     assert torch.equal(torch.stack(list(parts.values())).sum(0), body.outer.long())
 
 
-def test_the_vertices_of_a_part_get_its_probability_and_keep_their_order(person):
-    before = likely(person, 0.01) + 0.5 * torch.rand(person.vertices.shape[:2], generator=torch.manual_seed(0))
-    after, parts = weigh_parts(person, before)
-    for name, chosen in scene_parts_of_body(person.model).items():
-        assert mean_of_surest(after[0, chosen]) == pytest.approx(float(parts[name]), abs=0.05)
-        assert torch.equal(after[0, chosen].argsort(), before[0, chosen].argsort())
+def test_parts_touch_less_the_farther_the_scene_is(person):
+    near, far = touch(person)[1], touch(raised(person, 0.1))[1]
+    assert near["left_foot"] > far["left_foot"]
+    assert near["seat"] == far["seat"]
 
 
-def test_a_foot_touches_as_the_picture_says(person):
-    seen = replace(person, foot_touch=torch.tensor([[0.2, 0.95]]))
-    _, parts = weigh_parts(seen, likely(seen, 0.5))
-    assert float(parts["left_foot"]) < float(parts["right_foot"])
+def test_a_vertex_touches_at_most_as_its_part_and_more_the_nearer_it_is(person):
+    vertices, parts = touch(person)
+    foot = scene_parts_of_body(person.model)["left_foot"]
+    height = person.vertices[0, foot, 1] + person.plane[1]
+    sole = height < 0.01
+    assert vertices[foot].max() <= parts["left_foot"]
+    assert vertices[foot][sole].max() > 0.9 * parts["left_foot"]
+    assert vertices[foot][sole].mean() > vertices[foot][(height > 0.04) & (height < 0.06)].mean() + 0.2
+    assert vertices[scene_parts_of_body(person.model)["left_hand"]].max() <= parts["left_hand"]
+    assert vertices[~person.model.outer].max() == 0
 
 
-def test_feet_that_do_not_stand_on_the_floor_touch_less(person):
-    found = [weigh_parts(replace(person, standing=torch.tensor([z])), likely(person, 0.7))[1] for z in (0.0, -4.0)]
-    for foot in ("left_foot", "right_foot"):
-        assert float(found[1][foot]) < float(found[0][foot])
-    above = weigh_parts(replace(person, standing=torch.tensor([2.0])), likely(person, 0.7))[1]
-    assert float(above["left_foot"]) == float(found[0]["left_foot"])
+@pytest.mark.parametrize("part", ["left_foot", "right_hand", "seat"])
+def test_parts_with_their_own_depth_beside_them_touch_more(person, part):
+    near, far = (touch(replace(person, stance=replace(person.stance, beside=np.full((1, 5), b))))[1] for b in (0, 0.3))
+    assert near[part] > far[part]
 
 
-def test_unknown_evidence_is_none(person):
-    unknown = replace(person, standing=torch.tensor([torch.nan]))
-    for name, probability in weigh_parts(unknown, likely(person, 0.4))[1].items():
-        assert float(probability) == float(weigh_parts(person, likely(person, 0.4))[1][name])
+def test_without_a_stance_feet_are_those_of_an_average_person(person):
+    assert touch(replace(person, stance=None))[1] == touch(person)[1]
 
 
 def test_level_thighs_make_a_seat_likely_even_where_the_depth_has_lost_it(person):
@@ -67,25 +83,22 @@ def test_level_thighs_make_a_seat_likely_even_where_the_depth_has_lost_it(person
     for side in ("left", "right"):
         hip, knee = JOINT_INDEX[f"{side}_hip"], JOINT_INDEX[f"{side}_knee"]
         joints[:, knee] = joints[:, hip] + torch.tensor([0.0, 0.0, 0.4])
-    sits = replace(person, joints=joints)
-    upright, seated = (float(weigh_parts(who, likely(who, 0.01))[1]["seat"]) for who in (person, sits))
+    upright, seated = touch(person)[1]["seat"], touch(replace(person, joints=joints))[1]["seat"]
     assert upright < 0.15
-    assert seated > 0.4
-    assert seated == float(weigh_parts(sits, likely(sits, 0.3))[1]["seat"])
-    assert float(weigh_parts(sits, likely(sits, 0.9))[1]["seat"]) > seated
+    assert seated > 0.3
 
 
 def test_a_result_has_the_probability_of_each_part_listed_or_not(body, make_stage):
-    """A person in the air who sits: the seat is hidden, and a part with one half or more is listed."""
-    bends = {f"{side}_{joint}": (sign * 1.45, 0, 0) for side in SIDES for joint, sign in (("hip", -1), ("knee", 1))}
+    """A person in the air who sits: the seat, which the picture shows, is hidden, and listed from one half on."""
+    bends = {f"{side}_{joint}": (sign * 1.6, 0, 0) for side in SIDES for joint, sign in (("hip", -1), ("knee", 1))}
     stage = make_stage([(bends, (0.0, 0.0, 3.0))])
     sits = replace(
-        alone(body, plane=(torch.tensor([0.0, -1.0, 0.0]), 3.0)),
+        alone(body, (torch.tensor([0.0, -1.0, 0.0]), 3.0), replace(Stance.unknown(1), beside=np.zeros((1, 5)))),
         vertices=stage.vertices,
         joints=stage.joints,
         rotations=stage.problem.rotations0,
     )
-    found = solve_contact(sits, ContactMethod())
+    found = solve_contact(sits, METHOD)
     assert set(found.parts) == set(scene_parts_of_body(body))
     assert {one.partner for one in found.contacts[0]} == {ContactPartner("hidden", "seat")}
     assert LEAST_PROBABILITY <= float(found.parts["seat"]) < 1

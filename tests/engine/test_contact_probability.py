@@ -12,23 +12,24 @@ from hypothesis import strategies as st
 
 from physic_core import engine_preset
 from physic_core.engine.contact.distance import ContactSurfaces
-from physic_core.engine.contact.features import KINDS, feature_columns, measure_distances, part_gaps
+from physic_core.engine.contact.features import KINDS, measure_distances, part_gaps
 from physic_core.engine.contact.probability import ContactModel
 from physic_core.engine.contact.problem import ContactInput
 from physic_core.engine.contact.scene_parts import ClassifiedPoints
 from physic_core.engine.contact.solve import solve_contact
 from physic_core.geometry.neighbors import NearestPointSearch
 
-LINEAR = ContactModel({"scene": {"constant": 1.0, "outside": -2.0}}, {"constant": -0.5, "log odds": 1.0})
+LINEAR = ContactModel({"own body": {"constant": 1.0, "outside": -2.0}}, {"constant": -0.5, "log odds": 1.0}, {})
+OWN_BODY = KINDS.index("own body")
 
 
 @given(st.floats(0, 3))
 def test_the_log_odds_of_a_vertex_are_the_weighted_sum_of_its_features(outside: float):
-    columns = {"scene": {"constant": torch.ones(1, 1), "outside": torch.full((1, 1), outside)}}
+    columns = {"own body": {"constant": torch.ones(1, 1), "outside": torch.full((1, 1), outside)}}
     found = LINEAR.probabilities(columns)
     assert found.shape == (len(KINDS), 1, 1)
-    assert float(found[0, 0, 0]) == pytest.approx(1 / (1 + math.exp(2 * outside - 1)), rel=1e-4)
-    assert not found[1:].any()
+    assert float(found[OWN_BODY, 0, 0]) == pytest.approx(1 / (1 + math.exp(2 * outside - 1)), rel=1e-4)
+    assert int(found.count_nonzero()) == 1
 
 
 def test_the_probability_of_a_part_follows_from_its_surest_vertices():
@@ -44,7 +45,7 @@ def test_the_gap_of_a_part_is_its_fifth_smallest_distance():
     assert gaps[6:].tolist() == [0.5, 0.5, math.inf]
 
 
-def alone(body, plane=None, foot_gap=None) -> ContactInput:
+def alone(body, plane=None, stance=None) -> ContactInput:
     """A person in the rest pose who is near no point of a scene."""
     posed = body(*body.zero_pose())
     empty, none = NearestPointSearch(torch.zeros(0, 3), torch.zeros(0, 3)), torch.zeros(0, dtype=torch.int64)
@@ -55,11 +56,10 @@ def alone(body, plane=None, foot_gap=None) -> ContactInput:
         rotations=torch.eye(3).expand(1, 55, 3, 3),
         prior=torch.full(posed.vertices.shape[:2], 0.5),
         observed=torch.ones(1, 55, dtype=torch.bool),
-        lifted_feet=torch.zeros(1, 2, dtype=torch.bool),
         surfaces=ContactSurfaces(empty, none, plane),
         classes=ClassifiedPoints(("unknown",), none, none.bool()),
         plane=plane,
-        foot_gap=foot_gap,
+        stance=stance,
     )
 
 
@@ -67,28 +67,20 @@ def test_up_is_that_of_an_upright_camera_without_a_floor(body):
     assert alone(body).up.tolist() == [0.0, -1.0, 0.0]
 
 
-def test_depth_behind_a_foot_speaks_against_its_contact(body):
-    given = alone(body, foot_gap=torch.tensor([[0.2, math.nan]]))
-    settings = engine_preset("default").contact
-    gaps = feature_columns(given, measure_distances(given, settings.measure))["scene"]["foot, depth behind"][0]
-    assert gaps[given.part("left_foot")].unique().tolist() == pytest.approx([2.0])
-    assert not gaps[~given.part("left_foot")].any()
-    likely = solve_contact(given, settings).probability[0]
-    assert likely[given.part("left_foot")].max() < likely[given.part("right_foot")].max()
-
-
-@pytest.mark.parametrize(("scene", "kind"), [(-6.0, KINDS.index("own body")), (6.0, -1)])
+@pytest.mark.parametrize(("scene", "kind"), [(0.1, OWN_BODY), (0.9, -1)])
 def test_skin_is_touched_only_where_it_is_likelier_than_the_scene(body, monkeypatch, scene: float, kind: int):
     soles = float(body(*body.zero_pose()).vertices[..., 1].min())
     given = alone(body, plane=(torch.tensor([0.0, 1.0, 0.0]), -soles))
     settings = replace(engine_preset("default").contact, threshold=0.999, skin_threshold=0.1)
     near = measure_distances(given, settings.measure)
     near = replace(near, own=replace(near.own, distance=torch.zeros_like(near.own.distance)))
-    constants = {"scene": scene, "own body": -1.5}
-    model = ContactModel({name: {"constant": value} for name, value in constants.items()}, LINEAR.part)
+    model = ContactModel({"own body": {"constant": -1.5}}, LINEAR.part, {})
     on_floor = torch.isfinite(near.surface.nearest) & body.outer
     assert on_floor.any()
+    likely = torch.full_like(near.surface.scene, scene), {}
     monkeypatch.setattr("physic_core.engine.contact.method.contact_model", lambda: model)
+    monkeypatch.setattr("physic_core.engine.contact.method.scene_contact", lambda given, near: likely)
+    monkeypatch.setattr("physic_core.engine.contact.method.scene_parts_of_body", lambda body: {})
     assert settings.touch(given, near).kind[on_floor].unique().tolist() == [kind]
 
 
@@ -102,7 +94,6 @@ def test_a_thigh_beside_the_thigh_of_another_does_not_sit(body):
         rotations=one.rotations.expand(2, -1, -1, -1),
         prior=one.prior.expand(2, -1),
         observed=one.observed.expand(2, -1),
-        lifted_feet=one.lifted_feet.expand(2, -1),
     )
     found = solve_contact(given, replace(engine_preset("default").contact, skin_threshold=0.0))
     thighs = torch.cat([body.contact_sets["thighs"], body.contact_sets["gluteus"]])

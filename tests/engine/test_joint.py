@@ -324,13 +324,13 @@ def test_depth_without_its_data_is_refused(standing, preset, message):
     optimize(problem, adjusted(joint.without("depth"), optimiser__steps=2))
 
 
-IN_AIR = torch.tensor([[True, True], [False, False]])
+IN_AIR = torch.tensor([[0.0, 0.0], [1.0, 1.0]])
 
 
 def test_a_person_in_the_air_is_not_pulled_to_the_floor(two):
     problem = moved(two.problem, by=(0.0, -0.15, 0.0))
     everybody = JointEnergy(problem, SETTINGS)
-    one = JointEnergy(replace(problem, lifted_feet=IN_AIR), SETTINGS)
+    one = JointEnergy(replace(problem, foot_touch=IN_AIR), SETTINGS)
     assert everybody.weights["lower_sole"].tolist() == [1, 1]
     assert one.weights["lower_sole"].tolist() == [0, 1]
     alone, of_all = one()["soles"].tolist(), everybody()["soles"].tolist()
@@ -339,17 +339,17 @@ def test_a_person_in_the_air_is_not_pulled_to_the_floor(two):
 
 
 def test_a_person_in_the_air_has_the_depth_offset_of_people_without_a_floor(two):
-    state = JointEnergy(replace(two.problem, lifted_feet=IN_AIR), SETTINGS).state
+    state = JointEnergy(replace(two.problem, foot_touch=IN_AIR), SETTINGS).state
     with torch.no_grad():
         state.values["offset"].fill_(1.0)
     sigmas = [SETTINGS.depth.offset_alone_sigma, SETTINGS.depth.offset_sigma]
     assert state.unpack().offset.tolist() == pytest.approx(sigmas)
     tied = adjusted(SETTINGS, depth__offset_alone_sigma=0.0, optimiser__steps=10)
     farther = replace(two.problem, human_depth=1.15 * two.problem.human_depth)
-    result = optimize(replace(farther, lifted_feet=IN_AIR), tied)
+    result = optimize(replace(farther, foot_touch=IN_AIR), tied)
     assert result.depth_offset[0] == 0.0
     assert result.depth_offset[1] < -0.05
-    assert "offset" not in JointEnergy(replace(farther, lifted_feet=torch.ones_like(IN_AIR)), tied).state.free
+    assert "offset" not in JointEnergy(replace(farther, foot_touch=torch.zeros_like(IN_AIR)), tied).state.free
 
 
 def test_a_small_person_under_the_floor_does_not_rescale_the_scene_of_two_large_ones(make_stage):

@@ -57,7 +57,6 @@ def given(make_stage):
         detections=ObservedPeople(
             problem.skeleton, problem.keypoints, problem.keypoint_confidence, problem.observed, problem.masks
         ),
-        contact_probability=problem.contact_probability,
     )
 
 
@@ -67,7 +66,7 @@ def test_placement_recovers_the_true_place_of_a_person(given):
     assert error < 0.03
     assert found.photo.alignment.scale == pytest.approx(2.0, rel=1e-3)
     assert found.scene is given.scene
-    assert (found.size_ratio, found.lifted_feet) == (None, None)
+    assert (found.size_ratio, found.foot_touch) == (None, None)
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Features of the probability of contact: one column per reason for or against it.
+"""Features of the probability of contact with skin and objects: one column per reason for or against it.
 
 A new feature is a new column here, and a coefficient in ``coefficients.json`` beside it. Distances enter as
 logarithms, ``log(1 + d / 1 cm)``, for the outside and the inside of a surface.
@@ -28,10 +28,8 @@ from physic_core.engine.contact.problem import ContactInput
 from physic_core.engine.contact.scene_parts import SceneParts, scene_parts
 from physic_core.engine.contact.skin import OWN_RADIUS_M, SkinDistances, own_distances, people_distances
 from physic_core.engine.limbs import straight_hips
-from physic_core.engine.stance import MIN_FOOT_GAP
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.plane import height_over_plane
-from physic_core.types.skeletons import SIDES
 
 if TYPE_CHECKING:
     from physic_core.engine.contact.objects import ObjectDistances
@@ -43,8 +41,6 @@ Columns: TypeAlias = Mapping[str, Tensor]
 
 _LOG_UNIT_M = 0.01
 _GAP_VERTICES = 5
-_PRIOR_RANGE = (0.05, 0.95)
-_LARGEST_FOOT_GAP = 0.3  # log ratio of depths; larger gaps are clipped
 
 
 @dataclass(frozen=True)
@@ -99,12 +95,9 @@ def measure_distances(given: ContactInput, measure: DistanceMeasure, *, skin: bo
 
 
 def feature_columns(given: ContactInput, near: Distances) -> dict[str, Columns]:
-    """Return the columns (N, V) of the features of each kind of contact, by name."""
+    """Return the columns (N, V) of the features of each kind of contact but the scene, by name."""
     part = given.model.part_of_vertex
-    columns: dict[str, Columns] = {
-        "scene": _scene_columns(given, near),
-        "own body": _own_columns(given, near.own),
-    }
+    columns: dict[str, Columns] = {"own body": _own_columns(given, near.own)}
     if len(given.vertices) > 1:
         whose = part + len(given.model.part_names) * near.people.person
         columns["person"] = _skin_columns(given, near.people, whose)
@@ -144,51 +137,6 @@ def _shared_columns(distance: Tensor, group: Tensor, seen: Tensor) -> dict[str, 
         "gap outside": _log_cm(gap),
         "unseen limb": (~seen).to(d),
     }
-
-
-def _scene_columns(given: ContactInput, near: Distances) -> dict[str, Tensor]:
-    """Return the columns (N, V) of contact with scene and floor.
-
-    The floor's plane is fitted to many points, so it gives the distance to the floor within reach.
-    """
-    surface, parts, point = near.surface, near.parts, near.surface.point
-    none = torch.zeros_like(surface.on_floor)
-    ground = parts.ground[point] & torch.isfinite(surface.scene) if len(parts.ground) else none
-    by_plane = surface.on_floor | (ground & torch.isfinite(surface.floor))
-    distance = torch.where(by_plane, surface.floor, surface.scene)
-    is_near = torch.isfinite(distance)
-    group = given.model.part_of_vertex.expand_as(point)
-    may_touch = given.model.outer & ~given.in_air  # a foot that is found in the air has nothing near it
-    shared = _shared_columns(torch.where(may_touch, distance, torch.inf), group, given.seen)
-    floor, seen = (by_plane | ground).to(distance), given.seen.to(distance)
-    towards = torch.zeros_like(near.normals)
-    if len(parts.ground):
-        towards = given.surfaces.scene.normals[point].to(towards)
-    towards = torch.where(by_plane[..., None], given.up, towards)
-    facing = torch.where(is_near, -(near.normals * towards).sum(-1), 0.0)
-    foot = given.part("foot").to(distance).expand_as(distance)
-    prior = torch.logit(given.prior.to(distance).clamp(*_PRIOR_RANGE))
-    return shared | {
-        "floor": floor,
-        "rise, floor": floor * shared["rise"],
-        "facing, no hand or foot": torch.where(given.part("hand", "foot"), 0.0, facing),
-        "prior, seen limb": prior * seen,
-        "hand": given.part("hand").to(distance).expand_as(distance),
-        "foot": foot,
-        "foot, nothing near": foot * shared["nothing near"],
-        "foot, depth behind": _depth_behind_feet(given, distance),
-        "skin faces down": -(near.normals @ given.up),
-    }
-
-
-def _depth_behind_feet(given: ContactInput, like: Tensor) -> Tensor:
-    """Return the depth gap (N, V) behind the foot of each vertex, relative to that of a lifted foot; 0 where
-    unknown."""
-    if given.foot_gap is None:
-        return torch.zeros_like(like)
-    gap = torch.nan_to_num(given.foot_gap.to(like)).clamp(0.0, _LARGEST_FOOT_GAP) / MIN_FOOT_GAP
-    sides = torch.stack([given.part(f"{side}_foot") for side in SIDES]).to(like)
-    return gap @ sides
 
 
 def _skin_columns(given: ContactInput, skin: SkinDistances, group: Tensor) -> dict[str, Tensor]:

@@ -11,8 +11,9 @@ from torch import Tensor
 
 from physic_core.engine.contact.distance import ContactSurfaces, distance_along_normal, nearby_surfaces
 from physic_core.engine.contact.features import KINDS, Distances, feature_columns
-from physic_core.engine.contact.parts import LEAST_PROBABILITY, scene_parts_of_body, weigh_parts
+from physic_core.engine.contact.parts import scene_contact, scene_parts_of_body
 from physic_core.engine.contact.probability import contact_model
+from physic_core.engine.touch import LEAST_PROBABILITY
 from physic_core.geometry.free_space import front_depth, in_free_space
 from physic_core.types.bounds import Share
 
@@ -82,7 +83,7 @@ class ContactMethod:
         A vertex touches scene or floor only if its body part does.
         """
         probabilities = contact_model().probabilities(feature_columns(given, near))
-        probabilities[0], parts = weigh_parts(given, probabilities[0])
+        probabilities[0], parts = scene_contact(given, near)
         apart = torch.zeros_like(given.prior, dtype=torch.bool)
         for name, chosen in scene_parts_of_body(given.model).items():
             apart |= (parts[name] < LEAST_PROBABILITY)[:, None] & chosen

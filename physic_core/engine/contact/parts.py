@@ -1,42 +1,36 @@
-"""Evidence of photo and posture for contact of body parts with the scene, in addition to distances.
+"""Contact of body parts and of their vertices with scene and floor.
 
-Distances do not show whether the foot of a runner or the seat of a person on a bench touches: the body is off by
-centimetres, and depth networks miss benches. Each part therefore has its own log odds: those of its ten most probable
-vertices, and the evidence of image and posture. The vertices of the part are shifted by the difference, so that part
-and vertices agree. Offsets and slopes are in ``parts.json``, with the labelled photos that they were fitted on and
-their error on held-out photos. They are written by ``benchmarks/contact_on_photos.py``.
+A part has one probability, see :mod:`physic_core.engine.touch`. All its vertices share the errors of its position, so
+that its distance is one number: the fifth smallest of its vertices, which is robust to outliers. A vertex has the
+probability of its part, times how near it is to the surface beside the nearest vertices of the part, and how directly
+its skin faces the surface.
 """
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
-from functools import cache
-from importlib.resources import files
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from physic_core.body.joints import joint_pair
 from physic_core.body.model import BodyModel
-from physic_core.engine.contact.probability import SUREST_VERTICES
+from physic_core.engine.contact.distance import SEARCH_RADIUS_M
+from physic_core.engine.contact.features import Distances
+from physic_core.engine.contact.probability import contact_model
 from physic_core.engine.contact.problem import ContactInput
 from physic_core.engine.contact.regions import contact_regions
+from physic_core.engine.stance import Stance
+from physic_core.engine.touch import DEPTH_BESIDE, DISTANCE, touch_log_odds
 from physic_core.types.skeletons import SIDES
 
 SEAT = "seat"
 """Part of buttocks and thighs: what people sit on."""
 
-LEAST_PROBABILITY = 0.5
-"""Minimum probability of a part in contact: others are not listed and do not support the person."""
-
-LOG_ODDS, LOG_ODDS_ABOVE_EVEN = "log odds", "log odds above even"
-
-_KIND_OF = {"foot": "foot", "hand": "hand", "seat": SEAT, "upper_leg": SEAT, "back": "back"}  # others are limbs
-_ODDS = 1e-4  # least distance of a probability from 0 and 1
-_MAX_LIFTED = 4.0  # standard deviations; more of them say no more
-_HIPS, _KNEES, _ANKLES = joint_pair("hip"), joint_pair("knee"), joint_pair("ankle")
-_SHOULDERS, _WRISTS = joint_pair("shoulder"), joint_pair("wrist")
+_KIND_OF = {"foot": "foot", "hand": "hand", "seat": SEAT, "upper_leg": SEAT}
+_GAP_VERTICES = 5
+_SIGMA_M = 0.05  # standard deviation of the distance of a part from the scene
+_HIPS, _KNEES = joint_pair("hip"), joint_pair("knee")
 
 
 def scene_parts_of_body(model: BodyModel) -> dict[str, Tensor]:
@@ -50,79 +44,116 @@ def scene_parts_of_body(model: BodyModel) -> dict[str, Tensor]:
     return found
 
 
-def weigh_parts(given: ContactInput, probability: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
-    """Return the probabilities (N, V) of contact with the scene from the evidence of each part, and those of the parts.
+def kind_of_part(part: str) -> str:
+    """Return the kind of a part: "foot", "hand", "seat" or "other"; parts of one kind have one model."""
+    return _KIND_OF.get(part.removeprefix("left_").removeprefix("right_"), "other")
+
+
+def scene_contact(given: ContactInput, near: Distances) -> tuple[Tensor, dict[str, Tensor]]:
+    """Return the probability (N, V) that vertices touch scene or floor, and that of each part: name -> (N,)."""
+    at = near_scene(given, near)
+    parts = {
+        name: torch.sigmoid(touch_log_odds(kind_of_part(name), features))
+        for name, features in part_features(given, at.gap).items()
+    }
+    limbs, model = given.part("hand", "foot"), contact_model().nearness
+    far_m, power = (torch.where(limbs, model[f"{name}, hand or foot"], model[name]) for name in ("far_m", "facing"))
+    of_vertex = torch.stack(list(parts.values()), 1)[:, _groups(given.model)]
+    return of_vertex * nearness(at.rise, at.facing, far_m, power), parts
+
+
+class NearScene(NamedTuple):
+    """Where the vertices of N people are beside the scene.
+
+    Attributes:
+        gap: (N, P) signed distance of each part of :func:`scene_parts_of_body`, metres; inf if nothing is near.
+        rise: (N, V) how much farther the vertex is than its part, metres, at least 0; inf if it is far.
+        facing: (N, V) cosine between the skin and the surface that it faces.
+    """
+
+    gap: Tensor
+    rise: Tensor
+    facing: Tensor
+
+
+def near_scene(given: ContactInput, near: Distances) -> NearScene:
+    """Return where vertices are beside scene and floor.
+
+    Where nothing is near a part, a level surface under its lowest vertices stands for what the scene does not have.
+    """
+    distance, facing = _to_scene(given, near)
+    height = torch.where(given.model.outer, given.vertices @ given.up, torch.inf)
+    group, gap, lowest = _groups(given.model), _gaps(given.model, distance), _gaps(given.model, height)
+    lost = torch.isinf(gap)[:, group]
+    rise = torch.where(lost, height - lowest[:, group], distance - gap[:, group])
+    return NearScene(gap, torch.relu(rise), torch.where(lost, -(near.normals @ given.up), facing))
+
+
+def nearness(rise: Tensor, facing: Tensor, far_m: Tensor, power: Tensor) -> Tensor:
+    """Return the share of the probability of a part that its vertices have; see :class:`NearScene`.
 
     Args:
-        given: bodies, and their evidence in the photo.
-        probability: (N, V) by the distances.
-
-    Returns:
-        The probabilities of the vertices, and part -> (N,).
+        rise: (...) metres.
+        facing: (...) cosine.
+        far_m: (...) rise at which half of the probability is left, metres.
+        power: (...) of the cosine.
     """
-    moved, parts, vertices = probability.clone(), {}, scene_parts_of_body(given.model)
-    for name, features in part_features(given, probability).items():
-        weights, chosen = _weights()[kind_of_part(name)], vertices[name]
-        odds = torch.full_like(features[LOG_ODDS], weights["constant"])
-        for key in sorted(weights.keys() - {"constant"}):
-            odds = odds + weights[key] * features[key]
-        parts[name] = torch.sigmoid(odds)
-        change = odds - features[LOG_ODDS]
-        moved[:, chosen] = torch.sigmoid(torch.logit(probability[:, chosen], _ODDS) + change[:, None])
-    return moved, parts
+    return ((1 + facing) / 2) ** power / (1 + (rise / far_m).square())
 
 
-def part_features(given: ContactInput, probability: Tensor) -> dict[str, dict[str, Tensor]]:
+def part_features(given: ContactInput, gap: Tensor) -> dict[str, dict[str, Tensor]]:
     """Return part -> name of a feature -> values (N,): one reason for or against contact of the part with the scene.
 
-    "log odds" are those of the mean probability of the ten most probable vertices by distance; the same "above even" is
-    0 where distances contradict contact: a seat missing from the depth is far away. "picture": log odds that the foot
-    touches something by its keypoints. "lifted": standard deviations that the feet are from standing on the floor.
-    "lifted, hand up": the same times the height of the hand above the shoulder, in leg lengths; "hands" is the
-    mean of both. "thighs": their mean elevation, radians; 0 is horizontal.
+    "distance" is that of the part in standard deviations, 0 inside, and at most that of the search radius. "thighs" is
+    the mean elevation of both thighs, radians; 0 is horizontal. "depth beside" is that of the stance.
 
     Args:
         given: bodies, and what the photo shows of them.
-        probability: (N, V) by the distances.
+        gap: (N, P) distance of each part, metres; inf if nothing is near.
     """
     joints = given.joints
-    lifted = torch.zeros_like(joints[:, 0, 0])
-    if given.standing is not None:
-        lifted = torch.relu(-torch.nan_to_num(given.standing.to(lifted))).clamp(max=_MAX_LIFTED)
-    picture = torch.zeros_like(joints[:, :2, 0])
-    if given.foot_touch is not None:
-        picture = torch.logit(given.foot_touch.to(picture), _ODDS)
+    stance = given.stance or Stance.unknown(len(joints))
+    beside = torch.tensor(stance.depth_beside).to(joints)
     thighs = joints[:, _KNEES] - joints[:, _HIPS]
-    length = torch.linalg.vector_norm(thighs, dim=-1)
-    level = torch.asin(((thighs @ given.up) / length).clamp(-1, 1)).mean(1)
-    shins = torch.linalg.vector_norm(joints[:, _ANKLES] - joints[:, _KNEES], dim=-1)
-    raised = torch.relu((joints[:, _WRISTS] - joints[:, _SHOULDERS]) @ given.up) / (length + shins).mean(
-        1, keepdim=True
-    )
-    found = {}
-    for name, chosen in scene_parts_of_body(given.model).items():
-        odds = torch.logit(probability[:, chosen].topk(SUREST_VERTICES).values.mean(1), _ODDS)
-        found[name] = {LOG_ODDS: odds}
+    sine = (thighs @ given.up) / thighs.norm(dim=-1)
+    level = torch.asin(sine.clamp(-1, 1)).mean(1).nan_to_num()
+    found: dict[str, dict[str, Tensor]] = {}
+    for name, own in zip(scene_parts_of_body(given.model), gap.T, strict=True):
+        found[name] = {DISTANCE: torch.relu(own).clamp(max=SEARCH_RADIUS_M) / _SIGMA_M}
         side = SIDES.index(name.partition("_")[0]) if name.startswith(SIDES) else 0
         match kind_of_part(name):
             case "foot":
-                hands = lifted * raised.nan_to_num().mean(1)
-                found[name] |= {"picture": picture[:, side], "lifted": lifted, "lifted, hands up": hands}
+                found[name][DEPTH_BESIDE] = beside[:, side]
             case "hand":
-                found[name] |= {"lifted": lifted, "lifted, hand up": lifted * raised[:, side].nan_to_num()}
+                found[name][DEPTH_BESIDE] = beside[:, 2 + side]
             case "seat":
-                found[name] |= {LOG_ODDS_ABOVE_EVEN: torch.relu(odds), "thighs": level.nan_to_num()}
+                found[name] |= {"thighs": level, DEPTH_BESIDE: beside[:, 4]}
     return found
 
 
-def kind_of_part(part: str) -> str:
-    """Return the kind of a part: "foot", "hand", "seat", "back" or "limb"; parts of one kind have one model."""
-    return _KIND_OF.get(part.removeprefix("left_").removeprefix("right_"), "limb")
+def _gaps(model: BodyModel, distance: Tensor) -> Tensor:
+    """Return the fifth smallest of the distances (N, V) of each part, (N, P)."""
+    parts = scene_parts_of_body(model).values()
+    return torch.stack([distance[:, chosen].kthvalue(_GAP_VERTICES).values for chosen in parts], 1)
 
 
-@cache
-def _weights() -> Mapping[str, Mapping[str, float]]:
-    """Return kind of part -> name of a feature -> coefficient."""
-    text = (files("physic_core.engine.contact") / "parts.json").read_text(encoding="utf-8")
-    weights: Mapping[str, Mapping[str, float]] = json.loads(text)["parts"]
-    return weights
+def _groups(model: BodyModel) -> Tensor:
+    """Return the row (V,) int64 of the part of each vertex in :func:`scene_parts_of_body`; 0 for inner vertices."""
+    parts = torch.stack(list(scene_parts_of_body(model).values()))
+    return parts.int().argmax(0)
+
+
+def _to_scene(given: ContactInput, near: Distances) -> tuple[Tensor, Tensor]:
+    """Return the distance (N, V) of outer vertices to scene or floor, and the cosine (N, V) with which they face it.
+
+    The floor's plane is fitted to many points, so it gives the distance to the floor within reach.
+    """
+    surface, parts = near.surface, near.parts
+    by_plane, towards = surface.on_floor, torch.zeros_like(near.normals)
+    if len(parts.ground):
+        ground = parts.ground[surface.point] & torch.isfinite(surface.scene)
+        by_plane = by_plane | (ground & torch.isfinite(surface.floor))
+        towards = given.surfaces.scene.normals[surface.point].to(towards)
+    distance = torch.where(by_plane, surface.floor, surface.scene)
+    towards = torch.where(by_plane[..., None], given.up, towards)
+    return torch.where(given.model.outer, distance, torch.inf), -(near.normals * towards).sum(-1)

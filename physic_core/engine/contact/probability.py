@@ -1,4 +1,5 @@
-"""Probability of contact: a fitted logistic model over named features for each kind of contact, and for body parts.
+"""Probability of contact with skin and objects: a fitted logistic model over named features for each kind of contact,
+and for body parts. That of contact with the scene follows from the body part, see :mod:`.parts`.
 
 The coefficients, their training data, and their error on held-out data are in ``coefficients.json``. It
 is written by ``benchmarks/contact_probability.py``.
@@ -27,12 +28,15 @@ class ContactModel:
 
     Attributes:
         vertex: kind of contact -> name of a feature -> coefficient; see :mod:`physic_core.engine.contact.features`.
+        nearness: "far_m", by which a vertex that is farther than its part has half of its probability, and the power
+            "facing" of the cosine between skin and surface; both also for hands and feet.
         part: "constant" and "log odds" of the mean probability of the ten most probable vertices -> coefficient of the
             log odds that a body part touches its partner.
     """
 
     vertex: Mapping[str, Mapping[str, float]]
     part: Mapping[str, float]
+    nearness: Mapping[str, float]
 
     def probabilities(self, columns: Mapping[str, Columns]) -> Tensor:
         """Return the probability (K, N, V) of each kind of contact, in the order of ``KINDS``; 0 without columns.
@@ -40,7 +44,7 @@ class ContactModel:
         Raises:
             KeyError: a column is missing.
         """
-        like = columns["scene"]["constant"]
+        like = columns["own body"]["constant"]
         found = []
         for kind in KINDS:
             if kind not in columns:
@@ -68,4 +72,4 @@ def contact_model() -> ContactModel:
     """Return the fitted model."""
     text = (files("physic_core.engine.contact") / "coefficients.json").read_text(encoding="utf-8")
     record = json.loads(text)
-    return ContactModel(record["vertex"], record["part"])
+    return ContactModel(record["vertex"], record["part"], record["nearness"])

@@ -14,11 +14,11 @@ from physic_core.engine.contact.distance import ContactSurfaces
 from physic_core.engine.contact.scene_parts import ClassifiedPoints
 from physic_core.engine.limbs import observed_parts
 from physic_core.types.contacts import BodyContact, ContactPartner
-from physic_core.types.skeletons import SIDES
 from physic_core.types.support import Support
 
 if TYPE_CHECKING:
     from physic_core.engine.contact.objects import HeldObjects
+    from physic_core.engine.stance import Stance
 
 
 @dataclass(frozen=True)
@@ -32,16 +32,12 @@ class ContactInput:
         rotations: (N, 55, 3, 3).
         prior: (N, V) of the contact prior, in [0, 1].
         observed: (N, 55) bool, visible joints.
-        lifted_feet: (N, 2) bool, left and right feet in the air.
         surfaces: scaled scene near the people, and the floor.
         classes: of the points of the scene.
         plane: unit normal (3,) of the floor, up, and offset in metres; None if no floor was found.
         free: (N, V) bool, vertices in space that the photo shows to be free; None if that is not used.
         objects: small objects in hands and on laps; None if people touch none.
-        foot_gap: (N, 2) log ratio of the depth behind the left and right foot to the foot's depth, NaN where unknown;
-            None if no depth is known. See :mod:`physic_core.engine.placement.lifted_feet`.
-        foot_touch: (N, 2) probability from the image that the left and the right foot touch something; None if unknown.
-        standing: (N,) standard deviations from standing on the floor, NaN where unknown; None if not measured.
+        stance: of the people; None if unknown.
     """
 
     model: BodyModel
@@ -50,15 +46,12 @@ class ContactInput:
     rotations: Tensor
     prior: Tensor
     observed: Tensor
-    lifted_feet: Tensor
     surfaces: ContactSurfaces
     classes: ClassifiedPoints
     plane: tuple[Tensor, float] | None
     free: Tensor | None = None
     objects: HeldObjects | None = None
-    foot_gap: Tensor | None = None
-    foot_touch: Tensor | None = None
-    standing: Tensor | None = None
+    stance: Stance | None = None
 
     @property
     def up(self) -> Tensor:
@@ -69,12 +62,6 @@ class ContactInput:
     def seen(self) -> Tensor:
         """Vertices (N, V) bool of limbs that the photo shows."""
         return observed_parts(self.model.part_names, self.observed)[:, self.model.part_of_vertex]
-
-    @property
-    def in_air(self) -> Tensor:
-        """Vertices (N, V) bool of feet in the air."""
-        feet = [self.part(f"{side}_foot") for side in SIDES]
-        return (torch.stack(feet) & self.lifted_feet[..., None]).any(1)
 
     def part(self, *endings: str) -> Tensor:
         """Return the vertices (V,) bool of body parts whose names have this suffix."""

@@ -5,16 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 
 import torch
+from torch import Tensor
 
 from physic_core.engine.contact.dents import dent_depths, largest_dents
 from physic_core.engine.contact.features import KINDS, Distances, measure_distances
 from physic_core.engine.contact.method import ContactMethod, Touch
 from physic_core.engine.contact.partner import HIDDEN, HIDDEN_SEAT, VertexContacts, assign_partners, body_contacts
-from physic_core.engine.contact.parts import LEAST_PROBABILITY, SEAT, scene_parts_of_body
+from physic_core.engine.contact.parts import SEAT, scene_parts_of_body
 from physic_core.engine.contact.probability import contact_model
 from physic_core.engine.contact.problem import ContactInput, ContactResult
 from physic_core.engine.contact.regions import contact_regions
 from physic_core.engine.contact.support import ContactEvidence, PersonSupport, PosedPerson, find_support, support_record
+from physic_core.engine.touch import LEAST_PROBABILITY
 from physic_core.types.skeletons import SIDES
 
 _PERSON, _OWN_BODY, _OBJECT = (KINDS.index(kind) for kind in ("person", "own body", "object"))
@@ -45,16 +47,20 @@ def _find_supports(
         body = PosedPerson(given.vertices[i], near.normals[i], given.joints[i], given.rotations[i])
         evidence = ContactEvidence(
             contact=outward[i],
-            prior=given.prior[i],
-            lifted_feet=given.lifted_feet[i],
             seen=seen[i],
+            feet=_both(touch, "foot", i),
             sits=float(touch.parts[SEAT][i]) if touch.parts else 0.0,
-            holds=torch.stack([touch.parts[f"{side}_hand"][i] for side in SIDES]) >= LEAST_PROBABILITY
-            if touch.parts
-            else None,
+            holds=_both(touch, "hand", i),
         )
         found.append(find_support(given.model, body, evidence, given.up, assume=method.assume_supports))
     return tuple(found)
+
+
+def _both(touch: Touch, limb: str, person: int) -> Tensor | None:
+    """Return whether the left and the right limb of a person probably touch the scene, (2,) bool; None if unknown."""
+    if not touch.parts:
+        return None
+    return torch.stack([touch.parts[f"{side}_{limb}"][person] for side in SIDES]) >= LEAST_PROBABILITY
 
 
 def _with_hidden(given: ContactInput, touch: Touch, carried: tuple[PersonSupport | None, ...]) -> Touch:

@@ -18,8 +18,7 @@ from torch import Tensor
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.model import BodyModel
 from physic_core.engine.contact.partner import DECIMALS
-from physic_core.engine.contact.parts import LEAST_PROBABILITY
-from physic_core.engine.limbs import hands_may_hold
+from physic_core.engine.touch import LEAST_PROBABILITY
 from physic_core.types.contacts import BodyContact
 from physic_core.types.skeletons import SIDES
 from physic_core.types.support import Support, SupportState
@@ -57,19 +56,22 @@ class ContactEvidence:
 
     Attributes:
         contact: (V,) bool, with scene, floor and other people.
-        prior: (V,) probability of the contact prior.
-        lifted_feet: (2,) bool, left and right foot in the air.
         seen: (V,) bool, vertices on limbs that the photo shows.
+        feet: (2,) bool, left and right foot that probably touch something; None if unknown.
         sits: probability that buttocks or thighs rest on something.
         holds: (2,) bool, left and right hand that probably touch the scene; None if unknown.
     """
 
     contact: Tensor
-    prior: Tensor
-    lifted_feet: Tensor
     seen: Tensor
+    feet: Tensor | None = None
     sits: float = 0.0
     holds: Tensor | None = None
+
+    @property
+    def in_air(self) -> bool:
+        """Whether neither foot touches anything."""
+        return self.feet is not None and not bool(self.feet.any())
 
 
 @dataclass(frozen=True)
@@ -125,7 +127,7 @@ def find_support(
         if outside <= _BALANCE_M:
             seen = beside_hull(centre, vertices[carrying & evidence.seen], up) <= _BALANCE_M
             return PersonSupport(state if seen else SupportState.ASSUMED, carrying, none, False, outside, centre)
-    airborne = bool(evidence.lifted_feet.all()) and not bool(contact.any())
+    airborne = evidence.in_air and not bool(contact.any())
     state = SupportState.AIRBORNE if airborne else SupportState.UNBALANCED
     best = PersonSupport(state, contact, none, False, outside, centre)
     least = _BALANCE_M
@@ -160,17 +162,14 @@ def _hidden_supports(
 ) -> Iterator[tuple[bool, Tensor]]:
     """Yield whether it is a seat, and the vertices (V,) bool on it, of each support that the photo cannot show."""
     soles = _members(model, *(f"{side}_sole" for side in SIDES))
-    in_air = bool(evidence.lifted_feet.all())
-    if not in_air and not bool((evidence.seen & soles).any()):
+    if not evidence.in_air and not bool((evidence.seen & soles).any()):
         yield False, _lowest(body, soles, up)
     trunk = torch.nn.functional.normalize(body.joints[_NECK] - body.joints[_PELVIS], dim=0)
     if abs(float(trunk @ up)) < _LEVEL_TRUNK_COSINE:
         yield False, _lowest(body, model.outer, up)
-    held = hands_may_hold(model, evidence.prior[None])[0]
-    if evidence.holds is not None:
-        held = held | evidence.holds
-    if in_air and bool(held.any()):
-        yield False, _members(model, *(f"{side}_hand" for side, holds in zip(SIDES, held, strict=True) if holds))
+    if evidence.in_air and evidence.holds is not None and bool(evidence.holds.any()):
+        held = (f"{side}_hand" for side, holds in zip(SIDES, evidence.holds, strict=True) if holds)
+        yield False, _members(model, *held)
 
 
 def support_record(carried: PersonSupport, contacts: Sequence[BodyContact], listed: Sequence[BodyContact]) -> Support:

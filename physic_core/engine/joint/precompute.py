@@ -33,7 +33,7 @@ def precompute(problem: JointProblem, method: JointMethod) -> JointContext:
     start = model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0)
     observed = problem.observed_anywhere
     height, width = problem.masks.shape[-2:]
-    probability = torch.where(problem.feet_in_air(), 0.0, torch.nan_to_num(problem.contact_probability))
+    probability = torch.nan_to_num(problem.contact_probability)
     is_contact = probability >= _CONTACT_PROBABILITY
     area = vertex_areas(start.vertices, model.faces)
     ids, area = subsample_vertices(model, is_contact.any(0), method.visibility.vertex_spacing_m, area)

@@ -89,9 +89,8 @@ class JointProblem(ShortRepr):
         human_depth: (H, W) metres along z of the original photo, aligned to the scene, NaN where unknown; or None.
         human_points: per person (M_i, 3) metres, aligned to the scene; or None.
         scale_sigma: standard deviation of log(scale) given with the metric depth, or None.
-        lifted_feet: (B, 2) bool, left and right feet in the air, which touch nothing; None means no feet.
-        foot_touch: (B, 2) probability from the image that the left and right foot touch something, which weights their
-            attraction to the ground; None means 1.
+        foot_touch: (B, 2) probability that the left and right foot touch something, which weights their attraction to
+            the ground (:mod:`physic_core.engine.stance`); None means 1.
         estimated_transl: (B, 3) metres, by the body estimator; None means ``transl0``. Used by preset "release".
         keypoint_transl: (B, 3) metres, translation from keypoints alone (Eq. 2); None means ``transl0``. Used by
             preset "release".
@@ -121,7 +120,6 @@ class JointProblem(ShortRepr):
     human_depth: Tensor | None = field(default=None, metadata=_shape("H W"))
     human_points: tuple[Tensor, ...] | None = None
     scale_sigma: float | None = None
-    lifted_feet: Tensor | None = field(default=None, metadata=_shape("B 2"))
     foot_touch: Tensor | None = field(default=None, metadata=_shape("B 2"))
     estimated_transl: Tensor | None = field(default=None, metadata=_shape("B 3"))
     keypoint_transl: Tensor | None = field(default=None, metadata=_shape("B 3"))
@@ -178,18 +176,8 @@ class JointProblem(ShortRepr):
         names = [field.name for field in fields(self) if field.name not in ("model", "skeleton")]
         return replace(self, **{name: to_device(getattr(self, name), model.device, model.dtype) for name in names})
 
-    def feet_in_air(self) -> Tensor:
-        """Return the vertices (B, V) bool of feet in the air."""
-        model = self.model
-        vertices = torch.zeros(len(self), model.num_vertices, dtype=torch.bool, device=self.transl0.device)
-        if self.lifted_feet is not None:
-            for foot, side in enumerate(SIDES):
-                part = model.part_of_vertex == model.part_names.index(f"{side}_foot")
-                vertices |= part & self.lifted_feet[:, foot, None]
-        return vertices
-
     def weight_of_feet(self) -> Tensor:
-        """Return the probability (B, V) from the image that the foot of each vertex touches something; 1 elsewhere."""
+        """Return the probability (B, V) that the foot of each vertex touches something; 1 elsewhere."""
         model = self.model
         weight = torch.ones(len(self), model.num_vertices, dtype=self.transl0.dtype, device=self.transl0.device)
         if self.foot_touch is not None:

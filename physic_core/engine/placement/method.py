@@ -100,12 +100,9 @@ class PlacementMethod:
     scene."""
     floor_weight: NotNegative = 1.0
     """Weight of the distance of the lower foot to the floor, for visible feet on a known floor; 0 disables it."""
-    detect_lifted_feet: bool = True
-    """Feet with a depth gap behind them are in the air (:mod:`physic_core.engine.placement.lifted_feet`), in photos
-    whose segmenter labels surfaces."""
-    feet_by_picture: bool = True
-    """Feet are pulled to the floor in proportion to the image probability that they touch something
-    (:mod:`physic_core.body.feet_in_picture`)."""
+    stance: bool = True
+    """Feet are pulled to the floor in proportion to the probability that they touch something
+    (:mod:`physic_core.engine.stance`); those of people in the air are not."""
 
     alignment: ClassVar[AlignmentOptions] = AlignmentOptions(POINTMAP_TOLERANCE)
 

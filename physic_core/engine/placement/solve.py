@@ -13,22 +13,20 @@ import torch
 from torch import Tensor
 
 from physic_core.body.joints import joint_pair
-from physic_core.body.model import BodyModel, BodyOutput
-from physic_core.body.posture import standing_legs
-from physic_core.engine.limbs import hands_may_hold
+from physic_core.body.model import BodyModel
 from physic_core.engine.placement.detections import ObservedPeople
 from physic_core.engine.placement.human_points import AlignedPhoto, PhotoPoints, align_photo
 from physic_core.engine.placement.method import PlacementMethod
 from physic_core.engine.placement.place import PeopleObservations, PlacedBodies, Placement, place_bodies
 from physic_core.engine.scene.solve import SceneState
 from physic_core.engine.sizes import resize_bodies
-from physic_core.engine.stance import Stance, find_lifted_feet
+from physic_core.engine.stance import Stance
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
     from physic_core.engine.sizes.known_sizes import KnownScene
 
-_ANKLES, _SHOULDERS, _WRISTS = joint_pair("ankle"), joint_pair("shoulder"), joint_pair("wrist")
+_ANKLES = joint_pair("ankle")
 
 
 @dataclass(frozen=True)
@@ -62,7 +60,6 @@ class PlacementInput(ShortRepr):
         photo: point map of the photo with its people.
         bodies: as estimated.
         detections: of the same people; each keypoint has a landmark on the body.
-        contact_probability: (B, V) of the contact prior, in [0, 1].
         known: sizes that the user knows; None without any.
         stance: of the people; None if unknown.
     """
@@ -71,7 +68,6 @@ class PlacementInput(ShortRepr):
     photo: PhotoPoints
     bodies: EstimatedBodies
     detections: ObservedPeople
-    contact_probability: Tensor
     known: KnownScene | None = None
     stance: Stance | None = None
 
@@ -85,9 +81,7 @@ class PlacedPeople(ShortRepr):
         photo: its point map, aligned to the scene.
         bodies: as estimated, or resized to a scene of known size.
         placement: of the bodies.
-        lifted_feet: (B, 2) bool, left and right feet in the air; None if unknown.
-        foot_touch: (B, 2) probability from the image that the left and the right foot touch something; None if not
-            requested.
+        foot_touch: (B, 2) probability that the left and the right foot touch something; None if not requested.
         size_ratio: (B,) factor by which to enlarge people so that a scene of known size matches the photo, NaN where
             unknown; None if the size of the scene is unknown.
     """
@@ -96,7 +90,6 @@ class PlacedPeople(ShortRepr):
     photo: AlignedPhoto
     bodies: EstimatedBodies
     placement: Placement
-    lifted_feet: Tensor | None
     foot_touch: Tensor | None
     size_ratio: Tensor | None
 
@@ -108,27 +101,24 @@ def solve_placement(given: PlacementInput, method: PlacementMethod) -> PlacedPeo
         ratio = given.known.factor * _size_by_scene(given, given.known.unscaled, method)
         given = replace(given, bodies=_resized(given.bodies, ratio, given.known.geometry.stature))
     scene, bodies, detections = given.scene, given.bodies, given.detections
-    output, posed = _pose(bodies, detections, method)
+    posed = _pose(bodies, detections, method)
     photo = align_photo(given.photo, scene, detections.masks, method)
-    lifted, airborne, stance = None, torch.zeros(len(bodies.transl), dtype=torch.bool), given.stance
-    if method.detect_lifted_feet and stance is not None and scene.floor_normal is not None:
-        lifted = find_lifted_feet(stance, _hands_may_hold(given, output, scene.floor_normal), scene.floor_offset)
-        airborne = airborne if lifted is None else lifted.all(1)
-    feet_seen = detections.observed[:, _ANKLES].any(1) & ~airborne.to(detections.observed.device)
+    stance = given.stance if method.stance else None
+    feet_seen = detections.observed[:, _ANKLES].any(1)
+    if stance is not None:
+        feet_seen = feet_seen & ~torch.from_numpy(stance.in_air).to(feet_seen.device)
     evidence = _observations(detections, photo, feet_seen, method)
     placed = place_bodies(posed, evidence, scene.K, scene.floor_plane, method)
-    touch = torch.from_numpy(stance.touch) if method.feet_by_picture and stance is not None else None
-    return PlacedPeople(scene, photo, bodies, placed, lifted, touch, ratio)
+    touch = None if stance is None else torch.from_numpy(stance.touch)
+    return PlacedPeople(scene, photo, bodies, placed, touch, ratio)
 
 
-def _pose(
-    bodies: EstimatedBodies, detections: ObservedPeople, method: PlacementMethod
-) -> tuple[BodyOutput, PlacedBodies]:
+def _pose(bodies: EstimatedBodies, detections: ObservedPeople, method: PlacementMethod) -> PlacedBodies:
     """Pose the bodies, with the landmarks of the keypoints that stage 2 uses."""
     model = bodies.model
     output = model(bodies.rotations, bodies.betas, bodies.transl, bodies.expression)
     landmarks = model.landmarks(output, detections.skeleton)
-    posed = PlacedBodies(
+    return PlacedBodies(
         vertices=output.vertices,
         normals=method.normals(output.vertices, model.faces),
         landmarks=landmarks[:, method.keypoint_columns(detections.skeleton)],
@@ -136,7 +126,6 @@ def _pose(
         outer=model.outer,
         soles=model.soles,
     )
-    return output, posed
 
 
 def _observations(
@@ -155,23 +144,13 @@ def _observations(
     )
 
 
-def _hands_may_hold(given: PlacementInput, posed: BodyOutput, up: Tensor) -> Tensor:
-    """Return which people (B,) bool may hold something, and do not stand upright with their hands down."""
-    up, joints = up.to(posed.joints), posed.joints
-    height = joints @ up
-    hands_up = (height[:, _WRISTS] > height[:, _SHOULDERS]).all(1)
-    may_hold = hands_may_hold(given.bodies.model, given.contact_probability.to(joints)).any(1)
-    stands = torch.from_numpy(standing_legs(joints.cpu().numpy(), up.cpu().numpy()).any(1))
-    return may_hold.cpu() & (hands_up.cpu() | ~stands)
-
-
 def _size_by_scene(given: PlacementInput, scene: SceneState, method: PlacementMethod) -> Tensor:
     """Return :func:`size_by_scene` (B,) of the bodies placed at their keypoints.
 
     Args:
         scene: before applying known sizes, when bodies and scene roughly agree.
     """
-    _, posed = _pose(given.bodies, given.detections, method)
+    posed = _pose(given.bodies, given.detections, method)
     photo = align_photo(given.photo, scene, given.detections.masks, method)
     feet_seen = given.detections.observed[:, _ANKLES].any(1)
     evidence = _observations(given.detections, photo, feet_seen, method)

@@ -47,7 +47,7 @@ class DistanceContact(ContactMethod):
     def touch(self, given: ContactInput, near: Distances) -> Touch:
         """Return the contacts of vertices whose distance is within the bounds of the settings."""
         distance = near.by_kind
-        within = self.contains(distance) & given.model.outer & ~given.in_air
+        within = self.contains(distance) & given.model.outer
         return Touch.of_rank(torch.where(within, -distance.abs(), -torch.inf), within.any(0), None)
 
 

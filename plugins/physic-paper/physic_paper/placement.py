@@ -47,8 +47,7 @@ class PaperPlacement(PlacementMethod):
     """Not used."""
     floor_weight: NotNegative = 0.0
     """Not used."""
-    detect_lifted_feet: bool = False
-    feet_by_picture: bool = False
+    stance: bool = False
 
     alignment: ClassVar[AlignmentOptions] = released_alignment_options(POINTMAP_TOLERANCE)
 

@@ -38,7 +38,7 @@ PROX = EngineSettings(
         chamfer_weight=0.0,
         depth_offset_sigma=0.0,
         floor_weight=0.0,
-        detect_lifted_feet=False,
+        stance=False,
     ),
     joint=ProxOptimisation(),
     contact=DistanceContact(),

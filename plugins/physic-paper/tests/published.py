@@ -197,7 +197,6 @@ class Published:
         scene, original = (self._pointmap(points, camera) for points in (self.points(), self.human_map()))
         rotations, betas, transl = self.given("init")
         probability = self.arrays["one/in/contact_prob"]
-        unknown = np.full((1, 2), np.nan)
         return Estimates(
             image=image,
             intrinsics=camera,
@@ -216,7 +215,7 @@ class Published:
             scene=scene,
             original=original,
             floor=FloorSearch(None, "no_pixels"),
-            stance=Stance(unknown, unknown, None, unknown, unknown[:, 0]),
+            stance=Stance.unknown(1),
             bodies=Bodies(parameters_from_rotations(rotations, betas, torch.zeros(1, 0), transl), "smplx"),
             contact=ContactProbability(probability, "published"),
             depth=DepthMap(np.where(scene.valid, scene.points[..., 2], np.nan), camera),

@@ -90,10 +90,10 @@ def depth_offset_sigmas(settings: DepthSettings, context: JointContext) -> Tenso
     alone = torch.full_like(problem.transl0[:, 2], settings.offset_alone_sigma)
     if problem.floor_normal is None:
         return alone
-    on_floor = feet_visible.any(1)
-    if problem.lifted_feet is not None:
-        on_floor = on_floor & ~problem.lifted_feet.all(1)
-    return torch.where(on_floor, settings.offset_sigma, alone)
+    on_floor = feet_visible.any(1).to(alone)
+    if problem.foot_touch is not None:
+        on_floor = on_floor * (1 - (1 - problem.foot_touch.to(alone)).prod(1))
+    return torch.lerp(alone, torch.full_like(alone, settings.offset_sigma), on_floor)
 
 
 def _sample(log_depth: Tensor | None, uv: Tensor) -> tuple[Tensor, Tensor]:

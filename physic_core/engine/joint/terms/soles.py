@@ -67,14 +67,12 @@ class SoleTerm:
         return self._context.problem.floor_normal is not None and bool(s.weight or s.unseen_weight)
 
     def refresh(self, snapshot: Snapshot) -> None:
-        """Select the feet that are not in the air, and the people whose lower foot is expected to touch the floor."""
+        """Weigh the visible feet by their touch, and select people whose lower foot is expected to touch the floor."""
         context, contacts = self._context, snapshot.contacts
         far = torch.full_like(context.area[:, 0], torch.inf)
         heights = [contacts.height[:, rows] for rows in context.soles]
         lowest = torch.stack([lowest_height(h) if h.shape[1] else far for h in heights], 1)
         on_floor = context.feet_visible & torch.isfinite(lowest)
-        if context.problem.lifted_feet is not None:
-            on_floor = on_floor & ~context.problem.lifted_feet
         likely = torch.stack([context.is_contact[:, rows].any(1) for rows in context.soles], 1)
         lower = torch.where(on_floor, lowest, torch.full_like(lowest, torch.inf)).amin(1)
         pulled = (on_floor & likely).any(1) & (lower.abs() < _MAX_LOWER_HEIGHT_M)

@@ -9,8 +9,8 @@ import numpy as np
 import torch
 
 from physic_core.body import JOINT_INDEX
-from physic_core.body.feet_in_picture import foot_touch_probability
 from physic_core.engine.sizes import adult_shape
+from physic_core.engine.stance import touch_in_picture
 from physic_core.geometry.rotations import rotvec_to_rotmat
 from physic_core.types.per_person import PER_PERSON, select_people
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices
@@ -313,7 +313,7 @@ def fit_problem(
         up_angle = np.arctan2(seen_up[:, 2], -seen_up[:, 1])
         ankles = observations.confidence[:, [index["left_ankle"], index["right_ankle"]]].min(1)
         # The picture decides whether both feet stand: a raised foot looks like one that is farther away.
-        touches = foot_touch_probability(observations.points, list(index))
+        touches = touch_in_picture(observations.points, list(index))
         feet = (ankles > _SEEN) * touches.prod(1)
     stature = _stature_per_component(model)
     soles = _soles(model)

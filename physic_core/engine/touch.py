@@ -1,0 +1,52 @@
+"""Probability that a body part touches scene, floor or a hidden support: one logistic model for each kind of part.
+
+The weights, the photos that they were fitted on and the error on photos that took no part are in ``touch.json``, which
+``benchmarks/contact_on_photos.py`` writes. A feature is a reason for or against contact, and 0 where nothing is known
+of it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from functools import cache
+from importlib.resources import files
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from torch import Tensor
+
+DISTANCE = "distance"
+"""Feature of all kinds: the distance of the part from the nearest surface, in its standard deviations."""
+
+LEAST_PROBABILITY = 0.5
+"""Minimum probability of a part in contact: others are not listed and do not support the person."""
+
+DEPTH_BESIDE = "depth beside"
+"""Feature of feet, hands and seats: how far the depth beside the part in the picture is from its own."""
+
+Values = TypeVar("Values", NDArray[np.floating[Any]], Tensor)
+
+
+def touch_log_odds(kind: str, features: Mapping[str, Values]) -> Values:
+    """Return the log odds (...) that parts touch.
+
+    Args:
+        kind: of the parts: "foot", "hand", "seat" or "other"; "foot in the picture" before people are placed.
+        features: name -> values (...).
+
+    Raises:
+        KeyError: a feature is missing.
+    """
+    constant, *weights = touch_model()[kind].items()
+    terms = [weight * features[name] for name, weight in weights]
+    return sum(terms[1:], terms[0] + constant[1])
+
+
+@cache
+def touch_model() -> Mapping[str, Mapping[str, float]]:
+    """Return kind of part -> "constant" and names of features -> weight."""
+    text = (files("physic_core.engine") / "touch.json").read_text(encoding="utf-8")
+    parts: Mapping[str, Mapping[str, float]] = json.loads(text)["parts"]
+    return parts

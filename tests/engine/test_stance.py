@@ -1,0 +1,189 @@
+"""Whether feet touch something, by their keypoints and by the depth beside them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from physic_core import engine_preset
+from physic_core.engine.joint.solve import optimize
+from physic_core.engine.placement.detections import ObservedPeople
+from physic_core.engine.stance import (
+    Stance,
+    depth_beside,
+    depth_gaps_at_feet,
+    lower_than_the_other,
+    standing_prior,
+    touch_in_picture,
+)
+
+NAMES = tuple(
+    f"{side}_{part}" for side in ("left", "right") for part in ("shoulder", "hip", "ankle", "heel", "foot_tip")
+)
+STANDS = {"shoulder": (0, 0), "hip": (0, 100), "ankle": (0, 265), "heel": (-5, 272), "foot_tip": (15, 280)}
+RAISED = {"ankle": (0, 195), "heel": (-2, 180), "foot_tip": (2, 205)}
+
+
+def person(left: dict[str, tuple[float, float]] | None = None):
+    """Keypoints (1, 10, 2) of a person who stands, seen from the front, the left side changed."""
+    points = []
+    for x, changed in ((20, left), (-20, None)):
+        points += [(x + u, v) for u, v in (STANDS | (changed or {})).values()]
+    return np.array(points, np.float64)[None]
+
+
+def touch(lower=(math.nan, math.nan), beside=(math.nan, math.nan)):
+    """Probability that both feet touch."""
+    unknown = Stance.unknown(1)
+    return replace(unknown, lower=np.array([lower]), beside=np.array([(*beside, *unknown.beside[0, 2:])])).touch[0]
+
+
+def test_both_feet_of_a_person_who_stands_touch():
+    found = touch_in_picture(person(), NAMES)
+    assert found.shape == (1, 2)
+    assert (found > 0.6).all()
+
+
+def test_a_foot_that_is_raised_behind_touches_less_than_the_other():
+    found = touch_in_picture(person(left=RAISED), NAMES)[0]
+    assert found[0] < found[1]
+
+
+def test_the_height_of_feet_is_in_lengths_of_the_trunk_at_any_size_of_the_picture():
+    lower = lower_than_the_other(7.0 * person(left=RAISED), NAMES)
+    assert lower.tolist() == pytest.approx(np.array([[-0.75, 0.75]]))
+
+
+def test_mirrored_people_have_mirrored_feet():
+    points = person(left=RAISED)
+    mirrored = np.concatenate([points[:, 5:], points[:, :5]], 1) * [-1, 1]
+    assert touch_in_picture(mirrored, NAMES) == pytest.approx(touch_in_picture(points, NAMES)[:, ::-1])
+
+
+@pytest.mark.parametrize("unknown", ["nan", "names"])
+def test_legs_without_keypoints_are_those_of_an_average_foot(unknown):
+    points, names = person(left=RAISED), NAMES
+    if unknown == "nan":
+        points[0, 2] = np.nan
+    else:
+        names = tuple(name.replace("heel", "sole") for name in NAMES)
+    assert np.isnan(lower_than_the_other(points, names)).all()
+    found = touch_in_picture(points, names)[0]
+    assert found[0] == found[1]
+    assert 0.5 < found[0] < 0.97
+
+
+def test_nobody_has_no_feet():
+    assert touch_in_picture(np.zeros((0, 10, 2)), NAMES).shape == (0, 2)
+
+
+def test_a_foot_that_nothing_in_the_picture_is_as_near_as_touches_less():
+    average = touch()[0]
+    near, far = touch(beside=(0.01, 0.3))
+    assert far < average < near
+    assert touch(beside=(0.3, 0.9)).tolist() == [far, far]
+
+
+def test_a_foot_stands_by_its_touch_and_by_the_depth_behind_it():
+    touches = np.array([[0.8, 0.2]])
+    unknown, low, high = (standing_prior(touches, np.full((1, 2), gap), None)[0] for gap in (np.nan, 0.01, 0.3))
+    assert (high < unknown).all()
+    assert (unknown < low).all()
+    assert (unknown[:, 1] < unknown[:, 0]).all()
+    assert (standing_prior(touches, np.full((1, 2), np.nan), np.ones((1, 2), bool))[0] < unknown).all()
+
+
+def test_a_depth_too_near_for_a_foot_in_the_air_is_wrong_and_says_nothing_of_the_foot():
+    touches = np.array([[0.8, 0.2]])
+    unknown, _ = standing_prior(touches, np.full((1, 2), np.nan), None)
+    absurd, wrong = standing_prior(touches, np.full((1, 2), 2.3), None)
+    _, right = standing_prior(touches, np.full((1, 2), 0.02), None)
+    assert absurd == pytest.approx(unknown, abs=0.01)
+    assert wrong < 0.01
+    assert right > 0.9
+
+
+def test_people_neither_of_whose_feet_probably_touches_are_in_the_air():
+    lower = np.array([[0.0, 0.0], [-1.0, 1.0], [0.0, 0.0]])
+    beside = np.array([[0.01] * 5, [0.01] * 5, [0.3] * 5])
+    assert replace(Stance.unknown(3), lower=lower, beside=beside).in_air.tolist() == [False, False, True]
+
+
+def test_people_without_a_body_have_average_feet():
+    known = replace(Stance.unknown(1), lower=np.array([[-0.5, 0.5]]), beside=np.full((1, 5), 0.2))
+    wider = known.expanded(np.array([False, True]))
+    assert wider.touch[1].tolist() == known.touch[0].tolist()
+    assert wider.touch[0].tolist() == touch().tolist()
+
+
+def floor_depth(problem):
+    """(H, W) depth of the floor alone."""
+    height, width = problem.masks.shape[-2:]
+    v, u = torch.meshgrid(torch.arange(height).float(), torch.arange(width).float(), indexing="ij")
+    rays = torch.stack([(u - problem.K[0, 2]) / problem.K[0, 0], (v - problem.K[1, 2]) / problem.K[1, 1]], -1)
+    return torch.where(rays[..., 1] > 0.02, problem.floor_offset / rays[..., 1], torch.nan)
+
+
+def people_of(problem):
+    """The people of a problem, and the depth (H, W) of the photo."""
+    photo = torch.where(problem.human_depth.isnan(), floor_depth(problem), problem.human_depth)
+    found = ObservedPeople(
+        problem.skeleton, problem.keypoints, problem.keypoint_confidence, problem.observed, problem.masks
+    )
+    return found, photo
+
+
+def test_the_depth_beside_feet_on_the_floor_is_theirs_and_behind_feet_in_the_air_it_is_farther(make_stage):
+    on_floor, over_it = (
+        depth_beside(*people_of(make_stage([({}, (0.0, 0.0, 3.0))], stands_at=y).problem))[0] for y in (1.3, 0.9)
+    )
+    assert on_floor[:2].max() < 0.06
+    assert over_it[:2].min() > 0.15
+
+
+def test_nothing_is_known_beside_parts_without_keypoints_or_depth(make_stage):
+    people, photo = people_of(make_stage([({}, (0.0, 0.0, 3.0))]).problem)
+    keypoints = people.keypoints.clone()
+    keypoints[:, [j for j, name in enumerate(people.skeleton.names) if name.startswith("left_")]] = math.nan
+    assert np.isnan(depth_beside(replace(people, keypoints=keypoints), photo))[0, [0, 2, 4]].all()
+    assert np.isnan(depth_beside(people, torch.full_like(photo, math.nan))).all()
+
+
+def test_feet_over_the_floor_have_a_gap_and_may_be_among_seats_and_tables(make_stage):
+    on_floor, over_it = (make_stage([({}, (0.0, 0.0, 3.0))], stands_at=y).problem for y in (1.3, 1.0))
+    low, high = (depth_gaps_at_feet(*people_of(p), floor_depth(p), None)[0] for p in (on_floor, over_it))
+    assert low.max() < 0.1
+    # The visible foot is a few centimetres higher than its sole.
+    assert high.mean().item() == pytest.approx(math.log(1.3 / (1.3 - 0.33)), abs=0.05)
+    for raised in (False, True):
+        labels = torch.full_like(over_it.masks[0], raised)
+        assert bool(depth_gaps_at_feet(*people_of(over_it), floor_depth(over_it), labels)[1].all()) == raised
+
+
+def test_keypoints_that_are_not_seen_have_no_gap(make_stage):
+    problem = make_stage([({}, (0.0, 0.0, 3.0))]).problem
+    confidence = problem.keypoint_confidence.clone()
+    confidence[:, [j for j, name in enumerate(problem.skeleton.names) if name.startswith("left_")]] = 0.1
+    unseen = replace(problem, keypoint_confidence=confidence)
+    gap, _ = depth_gaps_at_feet(*people_of(unseen), floor_depth(problem), None)
+    assert gap.isnan().tolist() == [[True, False]]
+
+
+def test_a_foot_that_hardly_touches_stays_lifted(make_stage):
+    """A foot some centimetres over the other one, as estimated: the engine no longer puts it on the floor."""
+    lifts = {"left_hip": (-0.6, 0, 0), "left_knee": (0.9, 0, 0), "left_ankle": (-0.3, 0, 0)}
+    stage = make_stage([(lifts, (0.0, 0.0, 3.0))])
+    sole = stage.problem.model.contact_sets["left_sole"]
+    lift = 1.3 - float(stage.vertices[0, sole, 1].max())
+    assert 0.05 < lift < 0.15
+    problem = replace(stage.problem, keypoint_confidence=0.35 * stage.problem.keypoint_confidence)
+    lifted = replace(problem, foot_touch=torch.tensor([[0.0, 1.0]]))
+
+    def height(given):
+        return 1.3 - float(optimize(given, engine_preset("default").joint).vertices[0, sole, 1].max())
+
+    assert height(lifted) > max(0.6 * lift, height(problem))
