@@ -21,6 +21,7 @@ from physic_core import (
     PhysicError,
     Pipeline,
     Reconstruction,
+    load_config,
     reconstruct,
 )
 from physic_core.interfaces import MetricDepth
@@ -153,7 +154,8 @@ def test_an_instance_replaces_the_configs_choice_and_is_not_cached(
     world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path))
-    depths = [reconstruct(world.image, "mock", backends={"metric_depth": Flat(z)}) for z in (2.0, 4.0)]
+    own_scale = load_config(preset="mock", overrides=["engine.preset=paper"])  # others weigh it beside the people
+    depths = [reconstruct(world.image, own_scale, backends={"metric_depth": Flat(z)}) for z in (2.0, 4.0)]
     near, far = (float(np.median(found.scene.points[..., 2]) / found.scene.scale) for found in depths)
     assert far == pytest.approx(2 * near, rel=0.05)
     who = next(s.provenance for s in depths[0].stages if s.name == "metric depth")
