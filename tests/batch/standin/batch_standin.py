@@ -73,6 +73,7 @@ class Result:
 
     checks = ()
     people = ()
+    distance_sigmas = ()
     grade = "good"
     photo = "sha256:0 pixels-sha256:1"
 
