@@ -33,6 +33,7 @@ def world():
 @pytest.fixture(scope="module")
 def estimates(world, model):
     settings = [f"{name}.options.noise=0" for name in INTERFACES]
+    settings.append("engine.preset=paper")  # others scale the depth by the people as well
     plan = resolve(load_config(preset="mock", overrides=settings), discover())
     camera = replace(world.intrinsics, trust=CameraTrust.KNOWN)
     return run_backends(world.image, camera, plan, lambda: model, StageRunner(plan.device, len(plan.backends)))
