@@ -59,7 +59,7 @@ class FloorAndScale:
         scale: of the scene.
         warning: that the scale is a guess, or "".
         stance: of the N people.
-        depth: the given metric depth, at this scale; None without one, and if nobody's size gives the scale.
+        depth: the given metric depth, at this scale; None without one, and if no size of a person gives the scale.
     """
 
     search: FloorSearch

@@ -34,6 +34,7 @@ _WRONG_SIGMA = 0.5  # of the logarithm of the scale by a witness who is wrong
 _LEAST_DENSITY = 1 / float(_LOGS[-1] - _LOGS[0])  # of such a witness, who may say anything
 _SHARED_WRONG_SIGMA = 1.0  # of the logarithm of the scale, if what all witnesses of a kind share is wrong
 _SIGMA_SHARE = 0.683  # of the probability within one standard deviation
+_SIGMA_DECIMALS = 6  # the last bits are those of a CPU's exponential function
 _FARTHEST_M = 1e4
 
 
@@ -125,7 +126,8 @@ def vote_on_scale(
     shift = float(density.sum((0, 2)) @ shifts)
     half = (1 - _SIGMA_SHARE) / 2
     low, high = np.interp([half, 1 - half], of_log.cumsum(), _LOGS)
-    scale = SceneScale(math.exp(mean) + shift * reference, shift, float(high - low) / 2)
+    sigma = round(float(high - low) / 2, _SIGMA_DECIMALS)
+    scale = SceneScale(math.exp(mean) + shift * reference, shift, sigma)
     return ScaleVote(scale, density.sum((1, 2)), mean, reference)
 
 
