@@ -213,7 +213,7 @@ def test_people_of_known_age_are_surer_witnesses_than_those_who_may_be_children(
 
 
 def test_a_metric_depth_of_small_error_keeps_its_metres(world):
-    """Two children who are taken for adults do not change a measured depth."""
+    """Two children with sizes of adults do not change a measured depth."""
     places = world.given.bodies.parameters
     bodies = replace(world.given.bodies, parameters=replace(places, transl=places.transl * 1.3))
     found = world.with_depth(1.0, 0.01, bodies=bodies)

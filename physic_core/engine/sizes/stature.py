@@ -33,7 +33,7 @@ STATURE_SIGMA = 0.06
 
 CHILD_SHARE = 0.07
 """Share of children from 2 to 13 years among people whose age is unknown: by eye 22 of 325 people in 150 photos of the
-street, sport and rooms. They are taken for adults."""
+street, sport and rooms. They get sizes of adults."""
 
 _CHILD_YEARS = (2.0, 13.0)
 
@@ -103,7 +103,7 @@ def stature_sigmas(stature: FloatArray, years: FloatArray) -> FloatArray:
 
 
 def adult_probability(stature: FloatArray, years: FloatArray) -> FloatArray:
-    """Return the probability (N,) that people are not children who are taken for adults; 1 for a known size or age."""
+    """Return the probability (N,) that people of unknown age are adults; 1 for a known size or age."""
     adult: FloatArray = np.where(np.isnan(stature) & np.isnan(years), 1 - CHILD_SHARE, 1.0)
     return adult
 
