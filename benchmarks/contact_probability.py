@@ -2,15 +2,11 @@
 
     python -m benchmarks.contact_probability sample MAKE --seed 1 --worlds 45 --raised-worlds 35 --people-worlds 30
     python -m benchmarks.contact_probability sample CHOOSE --seed 2 --worlds 20 --raised-worlds 15 --people-worlds 10
-    python -m benchmarks.contact_probability columns MAKE CHOOSE
     python -m benchmarks.contact_probability fit MAKE CHOOSE
-    python -m benchmarks.contact_probability thresholds CHOOSE
 
 ``sample`` runs estimators and engine, and keeps the features of the vertices of each world in a folder; an interrupted
 run continues. ``fit`` finds the coefficients of the columns that the file names by maximum likelihood on one folder,
-and writes them with their error on another; which vertices touch the scene is fitted on body parts that do. ``columns``
-prints the loss on the other folder with and without each column, for all columns that the engine computes.
-``thresholds`` prints what each threshold of the fitted model finds.
+and writes them with their error on another; which vertices touch the scene is fitted on body parts that do.
 Each person counts the same. The worlds have the noise of version 4, other bodies and labelled surfaces. Worlds of
 people whose feet are over the ground, and of people who touch each other, are added, since both are rare.
 """
@@ -30,9 +26,17 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from benchmarks.rules import _setup
-from physic_bench.worlds.world_evidence import WorldCase, benchmark_cases, estimate_evidence, with_other_bodies
+from physic_bench.worlds.world_evidence import (
+    WorldCase,
+    benchmark_cases,
+    estimate_evidence,
+    noisy_config,
+    with_other_bodies,
+)
+from physic_core.body import load_body
 from physic_core.body.model import BodyModel
+from physic_core.configuration.resolve import resolve
+from physic_core.discovery.plugins import discover
 from physic_core.engine.contact.features import KINDS, feature_columns, measure_distances
 from physic_core.engine.contact.partner import VertexContacts, body_contacts
 from physic_core.engine.contact.parts import near_scene, nearness, scene_contact, scene_parts_of_body
@@ -67,34 +71,32 @@ STATED = {SCENE: ("floor", "scene", "hidden"), "person": ("person",), "own body"
 
 
 def main() -> int:
-    """Collect samples, compare columns, or fit."""
+    """Collect samples, or fit."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
     sample = commands.add_parser("sample")
     sample.add_argument("out", type=Path)
     for name, default in {"seed": 1, "worlds": 45, "raised-worlds": 0, "people-worlds": 0}.items():
         sample.add_argument(f"--{name}", type=int, default=default)
-    for name in ("columns", "fit", "thresholds"):
-        command = commands.add_parser(name)
-        if name != "thresholds":
-            command.add_argument("make", type=Path)
-        command.add_argument("choose", type=Path)
+    command = commands.add_parser("fit")
+    command.add_argument("make", type=Path)
+    command.add_argument("choose", type=Path)
     given = parser.parse_args()
     if given.command == "sample":
         cases = [*benchmark_cases(given.worlds, given.seed, SIZE, "both")]
         for count, names in ((given.raised_worlds, RAISED_FEET_WORLDS), (given.people_worlds, PEOPLE)):
             cases += [WorldCase(name, seed, SIZE) for name, seed in benchmark_worlds(count, given.seed, names)]
         collect(with_other_bodies(cases), given.out)
-    elif given.command == "thresholds":
-        compare_thresholds(Samples.read(given.choose))
     else:
-        (compare_columns if given.command == "columns" else fit)(Samples.read(given.make), Samples.read(given.choose))
+        fit(Samples.read(given.make), Samples.read(given.choose))
     return 0
 
 
 def collect(cases: Sequence[WorldCase], out: Path) -> None:
     """Run estimators and engine on each world, and write the samples that are missing."""
-    plan, model, _ = _setup()
+    torch.set_num_threads(1)
+    plan = resolve(noisy_config(), discover())
+    model = load_body(plan.body_model)
     out.mkdir(parents=True, exist_ok=True)
     for number, case in enumerate(cases, 1):
         file = out / f"{case.name}-{case.seed}.npz"
@@ -247,20 +249,6 @@ def calibration_error(p: Array, true: NDArray[np.bool_]) -> float:
     return float(np.abs(np.bincount(bins, p - true, 10)).sum() / max(1, len(p)))
 
 
-def compare_columns(make: Samples, choose: Samples) -> None:
-    """Print the loss with all columns, and what it rises by without each of them."""
-    for kind, names in make.names.items():
-        if kind == SCENE:
-            continue
-        held = choose.tables(kind, names)
-        full = loss(held, logistic(make.tables(kind, names))) if held else float("nan")
-        print(f"{kind}: loss {full:.5f} with all columns")
-        for name in names[1:]:
-            rest = [other for other in names if other != name]
-            without = loss(choose.tables(kind, rest), logistic(make.tables(kind, rest))) if held else float("nan")
-            print(f"  without {name}: {without - full:+.5f}", flush=True)
-
-
 def fit(make: Samples, choose: Samples) -> None:
     """Fit the columns of the file, and write the file."""
     model = contact_model()
@@ -348,55 +336,6 @@ def likelihood_of(
     if kind == SCENE:
         return columns[:, NEAR.index("of the scene")]
     return probability(columns, np.array([vertex[kind].get(name, 0.0) for name in names[kind]]))
-
-
-def compare_thresholds(choose: Samples) -> None:
-    """Print the F1 of contact for each threshold: with anything, of seen and unseen limbs, and with skin.
-
-    For skin, the vertices found on body parts that touch no skin are counted too.
-    """
-    model = contact_model()
-    likely = [anything_of(one, model.vertex, choose.names) for one in choose.people]
-    for least in (0.25, 0.3, 0.35, 0.4, 0.45, 0.5):
-        scores = []
-        for shown in (True, False):
-            found = np.concatenate([(p >= least)[seen == shown] for p, seen in zip(likely, choose.seen, strict=True)])
-            true = np.concatenate([t[seen == shown] for t, seen in zip(choose.anything, choose.seen, strict=True)])
-            scores.append(f1(found, true))
-        print(f"threshold {least}: F1 {scores[0]:.3f} of seen limbs, {scores[1]:.3f} of unseen")
-    body = _setup()[1]
-    part = body.part_of_vertex.numpy()[body.outer.numpy()]
-    for least in (0.08, 0.12, 0.16, 0.2, 0.25, 0.3, 0.35):
-        found, true, wrong = [], [], 0
-        for one in choose.people:
-            p, touches = skin_of(one, model.vertex, choose.names)
-            found.append(p >= least)
-            true.append(touches)
-            empty = np.bincount(part, touches, len(body.part_names)) == 0
-            wrong += int((found[-1] & empty[part]).sum())
-        score = f1(np.concatenate(found), np.concatenate(true))
-        print(f"skin threshold {least}: F1 {score:.3f}; {wrong} vertices on body parts that touch no skin")
-
-
-def skin_of(
-    person: Mapping[str, Table], vertex: Mapping[str, Mapping[str, float]], names: Mapping[str, Sequence[str]]
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the probability (n,) of contact with the likelier kind of skin, 0 where scene is likelier, and truth."""
-    chances, truths = {}, []
-    for kind in ("scene", "person", "own body"):
-        columns, true = person.get(kind, (None, None))
-        if columns is None:
-            continue
-        near = np.isfinite(columns[:, 0]) if kind == SCENE else columns[:, names[kind].index("nothing near")] == 0
-        chances[kind] = np.where(near, likelihood_of(kind, columns.astype(np.float64), vertex, names), 0.0)
-        truths += [true] if kind != "scene" else []
-    skin = np.max([chance for kind, chance in chances.items() if kind != "scene"], axis=0)
-    return np.where(skin > chances["scene"], skin, 0.0), np.any(truths, axis=0)
-
-
-def f1(found: NDArray[np.bool_], true: NDArray[np.bool_]) -> float:
-    """Return F1 over all vertices (n,)."""
-    return float(2 * (found & true).sum() / max(1, found.sum() + true.sum()))
 
 
 if __name__ == "__main__":

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.kept_results import kept
+from physic_bench.worlds.world_evidence import noisy_config
 from physic_core.metrics import contact_counts, match_by_masks, mpjpe_mm, pa_mpjpe_mm, precision_recall_f1
 
 NAMES = (
@@ -63,16 +64,6 @@ def main() -> None:
 # ---- worlds ----------------------------------------------------------------------------------------------------------
 
 
-def mock_config() -> Any:
-    """Return the mocks with noise and labelled surfaces."""
-    from physic_core import load_config
-    from physic_core.interfaces import INTERFACES
-
-    mocks: dict[str, dict[str, Any]] = {name: {"options": {"noise": 1}} for name in INTERFACES}
-    mocks["segmenter"]["options"]["surfaces"] = True
-    return load_config(preset="mock", flags={"noise": mocks})
-
-
 def world_seed(name: str, seed: int) -> int:
     """Return the seed of a world, from the seed of a run."""
     return int(np.random.default_rng(seed).integers(0, 1 << 31, len(NAMES))[NAMES.index(name)])
@@ -84,7 +75,7 @@ def run_worlds(given: argparse.Namespace) -> None:
     from physic_testing.worlds import build_world, view_names
 
     given.out.mkdir(parents=True, exist_ok=True)
-    config = mock_config()
+    config = noisy_config()
     rows: dict[str, list[dict[str, float]]] = {}
     with ScenePipeline(config) as scene:
         for name in given.names:

@@ -21,7 +21,8 @@ from scipy.optimize import isotonic_regression
 from scipy.spatial.transform import Rotation
 
 from benchmarks.kept_results import kept
-from benchmarks.scene import NAMES, SIZE, mock_config, world_seed
+from benchmarks.scene import NAMES, SIZE, world_seed
+from physic_bench.worlds.world_evidence import noisy_config
 from physic_core.metrics import match_by_masks
 
 TARGET = Path(__file__).parents[1] / "plugins/physic-scene/physic_scene/measured_errors.json"
@@ -66,7 +67,7 @@ def _moments(out: Path, names: Sequence[str], seeds: Sequence[int]) -> Iterator[
 
     out.mkdir(parents=True, exist_ok=True)
     model = load_body("embedded").to(dtype=torch.float64)
-    with ScenePipeline(mock_config()) as scene:
+    with ScenePipeline(noisy_config()) as scene:
         for name, given in itertools.product(names, seeds):
             seed = world_seed(name, given)
             views: list[WorldView] = []

@@ -118,7 +118,6 @@ def physic_backends():
         (("weights", "show", "no-such-weights"), 2),
         (("weights", "where", "lama"), 2),
         (("bench", "accuracy", "--rows", "no-such-row"), 2),
-        (("bench", "speed", "--sections", "no-such-section"), 2),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else str(value),
 )

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from physic_core.body.model import BodyModel
+    from physic_core.configuration.model import Config
     from physic_core.configuration.resolve import ResolvedPipeline
     from physic_core.pipeline.estimate import Estimates
     from physic_testing.worlds import World
@@ -41,6 +42,15 @@ class WorldCase:
     def title(self) -> str:
         """Name and seed for messages, such as "lie 7"."""
         return f"{self.name} {self.seed}"
+
+
+def noisy_config() -> Config:
+    """Return the mocks with errors as large as on photos, and labelled surfaces."""
+    from physic_core.configuration.model import load_config
+    from physic_core.interfaces import INTERFACES
+
+    noise = [f"{name}.options.noise=1" for name in INTERFACES]
+    return load_config(preset="mock", overrides=[*noise, "segmenter.options.surfaces=true"])
 
 
 def estimate_evidence(
