@@ -103,8 +103,7 @@ def _missing_by_default(kind: type[Backend]) -> tuple[str, ...]:
 
 def _files(registry: Registry, offer: BackendOffer, kind: type[Backend]) -> list[str]:
     """List the paths of the weight sets in a backend's default options, or the folders that are searched."""
-    from physic_core.weights.find import locate_files
-    from physic_core.weights.folders import describe_search_folders
+    from physic_core.weights.find import common_folder, describe_search_folders, locate_files
     from physic_core.weights.manifest import read_manifest
 
     lines = []
@@ -118,8 +117,9 @@ def _files(registry: Registry, offer: BackendOffer, kind: type[Backend]) -> list
                 continue
             if weights is not None:
                 here = locate_files(weights)
-                complete = len(here.files) == len(weights.files)
-                found = [here.folder] if here.folder is not None and len(here.files) > 1 else here.files.values()
+                complete = len(here) == len(weights.files)
+                folder = common_folder(here)
+                found = here.values() if folder is None else [folder]
                 searched = f"'{name}' is missing; searched: {describe_search_folders(name)}"
                 lines.append(", ".join(map(str, found)) if complete else searched)
     return list(dict.fromkeys(lines))

@@ -72,14 +72,13 @@ def verify(ctx: click.Context, names: tuple[str, ...], as_json: bool) -> None:
     A file without a published SHA-256 is compared with that of the lock file. Exits with code 4 if a file differs, or
     if a file of a set NAME is missing.
     """
-    from physic_core.weights.find import locate_files
+    from physic_core.weights.find import describe_mismatch, locate_files
     from physic_core.weights.lock import locked
-    from physic_core.weights.verify import describe_mismatch
 
     library = _library()
     rows: list[dict[str, str]] = []
     for one in [library.get(name) for name in dict.fromkeys(names)] or library.sets:
-        here = locate_files(one.weights).files
+        here = locate_files(one.weights)
         for file in locked(one.weights).files:
             path = here.get(file.path)
             entry = {"weights": one.weights.name, "file": file.path, "path": str(path or "")}
@@ -87,10 +86,7 @@ def verify(ctx: click.Context, names: tuple[str, ...], as_json: bool) -> None:
                 if names:
                     rows.append(entry | {"state": "missing", "note": ""})
                 continue
-            try:
-                wrong = describe_mismatch(path, file)
-            except OSError as error:
-                wrong = f"it cannot be read ({error.strerror})"
+            wrong = describe_mismatch(path, file)
             compared = [word for word, known in (("size", file.bytes), ("SHA-256", file.sha256)) if known is not None]
             note = wrong or (
                 ""
@@ -129,11 +125,11 @@ def _state(one: ListedWeights) -> str:
     from physic_core.weights.find import locate_files
 
     here = locate_files(one.weights)
-    if not here.files:
+    if not here:
         return "missing"
-    if len(here.files) < len(one.weights.files):
+    if len(here) < len(one.weights.files):
         return "in part"
-    sizes = [file.bytes in (None, here.files[file.path].stat().st_size) for file in one.weights.files]
+    sizes = [file.bytes in (None, here[file.path].stat().st_size) for file in one.weights.files]
     return "here" if all(sizes) else "here, DIFFERS"
 
 
@@ -142,7 +138,7 @@ def _as_dict(one: ListedWeights) -> dict[str, Any]:
 
     from physic_core.weights.find import locate_files
 
-    here = locate_files(one.weights).files
+    here = locate_files(one.weights)
     table = asdict(one.weights)
     files = [entry | {"here": str(here.get(entry["path"], ""))} for entry in table.pop("files")]
     owner = {"distribution": one.origin.distribution, "version": one.origin.version}

@@ -4,36 +4,22 @@ from __future__ import annotations
 
 import hashlib
 import os
+import sys
+from collections import ChainMap
 from collections.abc import Mapping
-from dataclasses import dataclass
+from functools import lru_cache
+from importlib.util import find_spec
 from pathlib import Path
 
 from physic_core.cache.file_hashes import remembered_sha256
 from physic_core.cache.folders import cache_folder
 from physic_core.discovery.close_names import format_choice, similar_names
-from physic_core.errors import WeightsMissingError
-from physic_core.weights.folders import (
-    describe_search_folders,
-    find_in_hub_cache,
-    find_without_subfolder,
-    user_folders,
-)
+from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.weights.lock import locked, record_use
-from physic_core.weights.manifest import WeightFile, WeightSet, read_manifest
-from physic_core.weights.verify import require_published_sha256
+from physic_core.weights.manifest import HubSource, WeightFile, WeightSet, read_manifest
 
-
-@dataclass(frozen=True)
-class LocatedFiles:
-    """The files of a weight set that were found on this machine.
-
-    Attributes:
-        folder: folder with all files at their relative paths; None if there is no such folder.
-        files: path on this machine by path relative to the set.
-    """
-
-    folder: Path | None
-    files: Mapping[str, Path]
+FOLDERS_VARIABLE = "PHYSIC_WEIGHTS"
+"""Environment variable with folders of the user, separated as in ``PATH``."""
 
 
 def locate(manifest: Path, value: str, file: str | None = None) -> Path:
@@ -57,13 +43,14 @@ def locate(manifest: Path, value: str, file: str | None = None) -> Path:
     found = find_weights(manifest, value, file)
     weights = read_manifest(manifest).get(value)
     if weights is not None:
-        here = locate_files(weights).files
-        advice = (
-            f"move it away, then {weights.how_to_get()}; to use a file of your own, give its path in place of '{value}'"
-        )
+        here = locate_files(weights)
         for wanted in weights.files:
             if file in (None, wanted.path):
-                require_published_sha256(here[wanted.path], wanted, advice)
+                if wrong := describe_mismatch(here[wanted.path], wanted):
+                    raise BackendError(
+                        f"{here[wanted.path]} is not the published file: {wrong}: move it away, then "
+                        f"{weights.how_to_get()}; to use a file of your own, give its path in place of '{value}'"
+                    )
                 record_use(f"{value}/{wanted.path}", here[wanted.path], wanted.sha256)
     return found
 
@@ -83,14 +70,17 @@ def find_weights(manifest: Path, value: str, file: str | None = None) -> Path:
             f"weights '{value}' have no file {file}, only {', '.join(known)}: choose weights of this backend"
         )
     here = locate_files(weights)
-    missing_paths = [f.path for f in weights.files if f.path not in here.files and file in (None, f.path)]
-    if not missing_paths:
+    lacking = [f.path for f in weights.files if f.path not in here and file in (None, f.path)]
+    if not lacking:
         if file is not None or len(weights.files) == 1:
-            return here.files[file if file is not None else weights.files[0].path]
-        if here.folder is not None:
-            return here.folder
+            return here[file if file is not None else weights.files[0].path]
+        if (folder := common_folder(here)) is not None:
+            return folder
+    facts = ", ".join(fact for fact in (format_size(weights.bytes), weights.license) if fact)
+    part = f"lack {', '.join(lacking)}" if len(lacking) < len(weights.files) else "are missing"
+    what = part if lacking else "are in several folders"
     raise WeightsMissingError(
-        f"{_describe_missing(weights, missing_paths)}\nsearched: {describe_search_folders(value)}"
+        f"weights '{value}' ({facts}) {what}: {weights.how_to_get()}\nsearched: {describe_search_folders(value)}"
     )
 
 
@@ -118,7 +108,7 @@ def fingerprint(manifest: Path, value: str) -> str:
         return ""
     weights = read_manifest(manifest).get(value)
     if weights is not None:
-        here = locate_files(weights).files
+        here = locate_files(weights)
         parts = [f"{file.path} {_identity(here[file.path], file)}" for file in weights.files]
     elif found.is_dir():
         inside = sorted(path for path in found.rglob("*") if path.is_file())
@@ -128,28 +118,64 @@ def fingerprint(manifest: Path, value: str) -> str:
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
-def locate_files(weights: WeightSet) -> LocatedFiles:
-    """Search all folders for the files of a weight set; a folder with all of them is preferred."""
-    pieces: dict[str, Path] = {}
-    for found in _places(weights):
-        if len(found) == len(weights.files):
-            folder = _common_folder(found)
-            if folder is not None or len(found) == 1:
-                return LocatedFiles(folder, found)
-        for path, place in found.items():
-            pieces.setdefault(path, place)
-    return LocatedFiles(None, pieces)
+def search_folders() -> list[Path]:
+    """Return the folders in the environment variable ``PHYSIC_WEIGHTS``, then the user's cache folder."""
+    texts = os.environ.get(FOLDERS_VARIABLE, "").split(os.pathsep)
+    own = cache_folder("weights")
+    return [Path(text).expanduser() for text in texts if text.strip()] + ([] if own is None else [own])
+
+
+def locate_files(weights: WeightSet) -> Mapping[str, Path]:
+    """Return the files of a weight set on this machine, by path relative to the set.
+
+    A folder with all of them is preferred.
+    """
+    places = []
+    for folder in search_folders():
+        inside = {file.path: folder / weights.name / file.path for file in weights.files}
+        places.append({path: place for path, place in inside.items() if place.is_file()})
+    if not any(len(place) == len(weights.files) for place in places):  # saves the slow import of huggingface_hub
+        for variant in (locked(weights), weights):
+            places.append({file.path: found for file in variant.files if (found := find_in_hub_cache(file))})
+    complete = (place for place in places if len(place) == len(weights.files))
+    return next(complete, ChainMap(*places))
+
+
+def common_folder(files: Mapping[str, Path]) -> Path | None:
+    """Return the folder with several files at their relative paths; None if there is none."""
+    folders = {str(place).removesuffix(str(Path(path))) for path, place in files.items()}
+    return Path(*folders) if len(files) > 1 and len(folders) == 1 and os.path.isdir(*folders) else None
+
+
+def describe_mismatch(path: Path, file: WeightFile) -> str:
+    """Describe how the size or SHA-256 of a file differs from its manifest; "" if they match.
+
+    A file is read once in a process, until it changes: a record on disk would hide later damage.
+    """
+    try:
+        status = path.stat()
+        if file.bytes not in (None, status.st_size):
+            return f"it has {status.st_size} bytes instead of {file.bytes}"
+        # No user can set the time of the last change of an inode.
+        stamp = status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns
+        if file.sha256 is not None and (found := _sha256(path, stamp)) != file.sha256:
+            return f"its SHA-256 is {found} instead of {file.sha256}"
+    except OSError as error:
+        return f"it cannot be read: {error.strerror}"
+    return ""
+
+
+@lru_cache(maxsize=1000)
+def _sha256(path: Path, stamp: tuple[int, ...]) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def size_mismatches(weights: WeightSet) -> str:
     """List the weight files whose size differs from the published size, as one line; "" if there are none."""
-    here = locate_files(weights).files
-    sizes = [(file, here[file.path].stat().st_size) for file in weights.files if file.path in here]
-    texts = [
-        f"{file.path} has {size} bytes instead of the published {file.bytes}"
-        for file, size in sizes
-        if file.bytes not in (None, size)
-    ]
+    here = locate_files(weights)
+    unhashed = [(here[file.path], WeightFile(file.path, file.bytes)) for file in weights.files if file.path in here]
+    texts = [f"{path}: {wrong}" for path, file in unhashed if (wrong := describe_mismatch(path, file))]
     return f"{', '.join(texts)}: `physic weights verify {weights.name}`" if texts else ""
 
 
@@ -163,54 +189,36 @@ def format_size(size: int | None) -> str:
     return f"{size} bytes"
 
 
-def _places(weights: WeightSet) -> list[dict[str, Path]]:
-    """List the files of a weight set in each searched folder, in search order."""
-    own = cache_folder("weights")
-    candidates = [
-        {file.path: folder / weights.name / file.path for file in weights.files}
-        for folder in [*user_folders(), *([own] if own is not None else [])]
-    ]
-    places = [{path: place for path, place in candidate.items() if place.is_file()} for candidate in candidates]
-    places += [
-        _without_none({f.path: find_without_subfolder(folder, weights, f) for f in weights.files})
-        for folder in user_folders()
-    ]
-    if not any(len(place) == len(weights.files) for place in places):  # saves the slow import of huggingface_hub
-        for variant in (locked(weights), weights):
-            places.append(_without_none({file.path: find_in_hub_cache(file) for file in variant.files}))
-    return places
+def describe_search_folders(name: str) -> str:
+    """Return the list of folders that are searched for a weight set, as text."""
+    hub = ["Hugging Face's cache"] if find_spec("huggingface_hub") is not None else []
+    return ", ".join([*(str(folder / name) for folder in search_folders()), *hub])
 
 
-def _without_none(places: Mapping[str, Path | None]) -> dict[str, Path]:
-    return {path: place for path, place in places.items() if place is not None}
+def find_in_hub_cache(file: WeightFile) -> Path | None:
+    """Return the path of a file in the cache of Hugging Face, or None if it is not in the cache."""
+    origin = file.origin
+    if not isinstance(origin, HubSource) or find_spec("huggingface_hub") is None:
+        return None
+    if "huggingface_hub" not in sys.modules and not _hub_folder(origin.repository).is_dir():
+        return None  # saves the slow import of the library
+    from huggingface_hub import try_to_load_from_cache
+
+    found = try_to_load_from_cache(origin.repository, origin.path, revision=origin.revision)
+    return Path(found) if isinstance(found, str) else None
 
 
-def _common_folder(found: Mapping[str, Path]) -> Path | None:
-    """Return the folder that contains all files at their relative paths, or None."""
-    folders = set()
-    for path, place in found.items():
-        depth = len(Path(path).parts)
-        if place.parts[-depth:] != Path(path).parts:
-            return None
-        folders.add(place.parents[depth - 1])
-    return folders.pop() if len(folders) == 1 else None
-
-
-def _describe_missing(weights: WeightSet, missing_paths: list[str]) -> str:
-    """Format one line about the missing files of a weight set, and how to get them."""
-    facts = ", ".join(fact for fact in (format_size(weights.bytes), weights.license) if fact)
-    if not missing_paths:
-        what = " are in several folders, and must be in one folder"
-    elif len(missing_paths) < len(weights.files):
-        what = f" lack {', '.join(missing_paths)}"
-    else:
-        what = " are missing"
-    return f"weights '{weights.name}' ({facts}){what}: {weights.how_to_get()}"
+def _hub_folder(repository: str) -> Path:
+    """Return the cache folder of a repository, from the environment variables of ``huggingface_hub``."""
+    home = os.environ.get("HF_HOME") or os.path.join(os.environ.get("XDG_CACHE_HOME") or "~/.cache", "huggingface")
+    old = os.environ.get("HUGGINGFACE_HUB_CACHE") or os.path.join(home, "hub")
+    cache = os.path.expandvars(os.path.expanduser(os.environ.get("HF_HUB_CACHE") or old))
+    return Path(cache, f"models--{repository.replace('/', '--')}")
 
 
 def _path_of_user(manifest: Path, value: str, file: str | None) -> Path:
     """Return the path that the user gave instead of the name of a weight set, or raise WeightsMissingError."""
-    path = Path(os.path.expanduser(value))
+    path = Path(value).expanduser()
     if not value.strip():
         raise WeightsMissingError(
             "the option weights is empty: set it to a name of `physic weights list`, or to a path"

@@ -16,9 +16,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from physic_core.cache.file_hashes import remembered_sha256
 from physic_core.cache.folders import cache_folder
 from physic_core.errors import WeightsMissingError
-from physic_core.weights.verify import sha256_of
 
 if TYPE_CHECKING:
     from physic_core.weights.manifest import WeightFile, WeightSet
@@ -32,8 +32,6 @@ FileUse = Mapping[str, str]
 
 _NAME = "physic.lock"
 _uses: ContextVar[dict[str, FileUse] | None] = ContextVar("uses", default=None)
-_hashed: dict[tuple[Path, int, int], str] = {}
-"""SHA-256 of the unpinned files that this process has read, by path, size and time of the last change."""
 
 
 def lock_file_path() -> Path | None:
@@ -88,13 +86,9 @@ def record_use(name: str, path: Path, published: str | None) -> None:
     if published is not None:
         uses[name] = {"sha256": published, "state": "published"}
         return
-    status = path.stat()
-    key = (path, status.st_size, status.st_mtime_ns)
-    if key not in _hashed:
-        _hashed[key] = sha256_of(path)
-    expected = read_lock().get(name, {}).get("sha256")
-    state = "unpinned" if expected is None else "locked" if expected == _hashed[key] else "differs"
-    uses[name] = {"sha256": _hashed[key], "state": state}
+    found, expected = remembered_sha256(path), read_lock().get(name, {}).get("sha256")
+    state = "unpinned" if expected is None else "locked" if expected == found else "differs"
+    uses[name] = {"sha256": found, "state": state}
 
 
 def _locked(file: WeightFile, entry: Mapping[str, str]) -> WeightFile:

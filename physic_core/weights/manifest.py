@@ -24,21 +24,19 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Iterator, Mapping
+import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from types import MappingProxyType
-from typing import Annotated, Any
+from typing import Annotated
 
-from pydantic import AfterValidator, ConfigDict, Field, Strict, StrictBool, TypeAdapter, ValidationError
+from pydantic import AfterValidator, ConfigDict, Field, Strict, StrictBool, TypeAdapter
 
 from physic_core.errors import BackendError
 
-LOGIN = "log in with `hf auth login`, or set HF_TOKEN"
-
 _HUB = re.compile(r"hf://([\w.-]+/[\w.-]+)/([^@#?]+)(?:@([\w./-]+))?")
 _WEB = re.compile(r"https?://[^\s/#?]+/[^\s#]*(?:#(.+))?")
-_MAX_SHOWN = 80
 _COMMIT = re.compile(r"[0-9a-f]{40}")
 _TABLE = ConfigDict(extra="forbid")
 
@@ -172,28 +170,24 @@ class WeightSet:
         """Return the command or the advice to get the files."""
         if not any(file.source for file in self.files):
             return self.advice
-        command = f"`physic weights fetch {self.name}"
-        if self.is_free:
-            way = f"{command}`"
-        else:
-            why = "an account with access, " if self.account else ""
-            use = {True: "commercial use allowed", False: "no commercial use", None: "commercial use not stated"}
-            way = f"{command} --accept-licence` ({why}{use[self.commercial]})"
-        return way if all(file.source for file in self.files) else f"{way}; {self.advice}"
+        command = f"`physic weights fetch {self.name}`"
+        if not self.is_free:
+            account = "an account with access, " if self.account else ""
+            command = f"`physic weights fetch {self.name} --accept-licence` ({account}commercial use {self._use()})"
+        return command if all(file.source for file in self.files) else f"{command}; {self.advice}"
 
     def describe_licence(self) -> str:
         """Format the licence, and how to get access to the files, as lines of text."""
-        use = {True: "is allowed", False: "is NOT allowed", None: "is not stated: read the licence"}
-        lines = [f"  licence     {self.license}", f"  commercial  use {use[self.commercial]}"]
+        lines = [f"  licence     {self.license}", f"  commercial  use {self._use()}"]
         if self.account:
-            hub = [file.origin.repository for file in self.files if isinstance(file.origin, HubSource)]
-            is_gated = len(hub) == len(self.files)  # else the account is for the files that have no source
-            page = f"https://huggingface.co/{hub[0]}" if is_gated else self.homepage
-            login = LOGIN if is_gated else "log in there"
-            lines.append(f"  account     needed: request access at {page}, and {login}")
-        if self.homepage:
+            login = "log in there (for Hugging Face by `hf auth login` or HF_TOKEN)"
+            lines.append(f"  account     needed: request access at {self.homepage}, and {login}")
+        elif self.homepage:
             lines.append(f"  homepage    {self.homepage}")
         return "\n".join(lines)
+
+    def _use(self) -> str:
+        return {True: "allowed", False: "NOT allowed", None: "not stated: read the licence"}[self.commercial]
 
 
 def read_manifest(path: Path) -> Mapping[str, WeightSet]:
@@ -202,80 +196,47 @@ def read_manifest(path: Path) -> Mapping[str, WeightSet]:
     The result is cached until a file changes.
 
     Raises:
-        BackendError: the file is missing or invalid; the message lists all errors.
+        BackendError: a file is missing or invalid.
     """
     path = Path(path)
-    files = tuple(sorted(path.glob("*.toml"))) if path.is_dir() else (path,)
     try:
-        stamps = tuple((file, file.stat().st_mtime_ns, file.stat().st_size) for file in files)
+        files = tuple(sorted(path.glob("*.toml"))) if path.is_dir() else (path,)
+        return _read(tuple((file, file.stat().st_mtime_ns, file.stat().st_size) for file in files))
     except OSError as error:
         raise BackendError(f"the weight manifest {path} cannot be read: {error.strerror}") from error
-    return _read(stamps)
 
 
 @functools.lru_cache(maxsize=64)
 def _read(stamps: tuple[tuple[Path, int, int], ...]) -> Mapping[str, WeightSet]:
-    import tomllib
-
     sets: dict[str, WeightSet] = {}
-    owner: dict[str, Path] = {}
-    faults: list[str] = []
     for file, _, _ in stamps:
         try:
             tables = tomllib.loads(file.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise BackendError(f"the weight manifest {file} cannot be read: {error.strerror}") from error
-        except ValueError as error:  # no TOML, or no UTF-8
-            faults.append(f"{file}: {ascii(str(error))[1:-1]}")
-            continue
-        except RecursionError:
-            faults.append(f"{file}: its arrays or tables are nested too deeply")
-            continue
-        for name, table in tables.items():
-            if name in owner:
-                faults.append(f"{file}: [{_shown(name)[1:-1]}] is in {owner[name].name} already")
-                continue
-            try:
-                made = _SETS.validate_python({"name": name, **table} if isinstance(table, dict) else table)
-                found = list(_contradictions(made))
-            except ValidationError as error:
-                found = [_describe(problem) for problem in error.errors(include_url=False)]
-            faults += [f"{file}: [{_shown(name)[1:-1]}] {fault}" for fault in found]
-            if not found:
-                sets[name], owner[name] = made, file
-    if faults:
-        raise BackendError("\n".join(["this weight manifest is invalid:", *faults]))
+            found = _SETS.validate_python({name: _named(name, table) for name, table in tables.items()})
+            for name, weights in found.items():
+                if name in sets:
+                    raise ValueError(f"[{name}] is in another manifest already")
+                _check_files(weights)
+        except ValueError as error:  # also of TOML, UTF-8 and pydantic
+            raise BackendError(f"the weight manifest {file} is invalid: {error}") from error
+        sets |= found
     return MappingProxyType(sets)
 
 
-_SETS = TypeAdapter(WeightSet)
+_SETS = TypeAdapter(dict[str, WeightSet])
 
 
-def _contradictions(weights: WeightSet) -> Iterator[str]:
-    """Yield what is wrong with the files of a set beside the values of each key."""
-    if not weights.files:
-        yield "has no files"
+def _named(name: str, table: object) -> object:
+    return {"name": name, **table} if isinstance(table, dict) else table
+
+
+def _check_files(weights: WeightSet) -> None:
+    """Raise ValueError if files of a set contradict each other, or cannot be had."""
     paths = [file.path for file in weights.files]
-    for twice in sorted({path for path in paths if paths.count(path) > 1}):
-        yield f"has the file {_shown(twice)[1:-1]} more than once"
+    if not paths or len(set(paths)) < len(paths):
+        raise ValueError(f"[{weights.name}] has no files, or one of them twice")
     for file in weights.files:
         if file.source.startswith("http://") and file.sha256 is None:
-            yield f"{_shown(file.source)} is not secure: add its sha256, or use https://"
-    by_hand = [_shown(file.path)[1:-1] for file in weights.files if not file.source]
-    if by_hand and not weights.advice:
-        yield f"has no source for {', '.join(by_hand)}: write in 'advice' how to get it"
-
-
-def _describe(problem: Any) -> str:
-    """Return a problem that pydantic found as one line: "files.0.bytes: Input should be greater than 0 (got 0)"."""
-    at = ".".join(ascii(str(part))[1:-1] for part in problem["loc"])
-    return f"{at}: {problem['msg']} (got {_shown(problem['input'])})".removeprefix(": ")
-
-
-def _shown(value: Any) -> str:
-    """Return a value as one line of ASCII, of at most 80 characters."""
-    try:
-        text = ascii(value)
-    except (ValueError, RecursionError):  # an integer of thousands of digits, or deep tables
-        return f"a {type(value).__name__}"
-    return text if len(text) <= _MAX_SHOWN else f"{text[: _MAX_SHOWN - 3]}..."
+            raise ValueError(f"[{weights.name}] {file.source} is not secure: add its sha256, or use https://")
+        if not (file.source or weights.advice):
+            raise ValueError(f"[{weights.name}] has no source for {file.path}: write in 'advice' how to get it")

@@ -138,7 +138,7 @@ def test_a_file_of_another_size_is_remarked_once_and_stops_nothing(heavy: Path):
     done = physic("config", "check", "my.toml")
     assert done.exit_code == 4
     assert "1 thing is missing" in done.stdout
-    assert done.stdout.count("model.onnx has 3 bytes instead of the published 140852051") == 1
+    assert done.stdout.count("model.onnx: it has 3 bytes instead of 140852051") == 1
 
 
 def test_the_doctor_calls_it_missing_and_loads_nothing(heavy: Path):

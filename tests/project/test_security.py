@@ -69,8 +69,8 @@ WEIGHTS = {
     "A run downloads nothing.": "tests/project/test_no_network.py::test_a_test_that_uses_the_network_fails",
     "A downloaded file is compared": (
         "tests/weights/test_fetch.py::test_a_wrong_hash_is_said_and_the_file_removed",
-        "tests/weights/test_fetch.py::test_a_wrong_size_is_reported_without_a_content_length",
-        "tests/weights/test_manifest.py::test_every_fault_is_reported_at_once",
+        "tests/weights/test_fetch.py::test_a_file_of_another_size_is_removed",
+        "tests/weights/test_manifest.py::test_a_fault_of_a_manifest_is_named",
     ),
     "`physic weights verify` repeats": (
         "tests/weights/test_command.py::test_verify_lists_what_differs_and_what_has_no_published_hash"

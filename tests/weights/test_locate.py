@@ -61,18 +61,6 @@ def test_a_snapshot_is_the_folder_of_a_set_that_lies_in_it_as_listed(lists: Any,
     assert locate(folder, "net", "config.json") == there[0]
 
 
-@pytest.mark.parametrize(("size", "found"), [(7, True), (8, False)])
-def test_a_file_right_in_a_folder_counts_if_it_has_the_published_size(
-    lists: Any, tmp_path: Path, monkeypatch, size: int, found: bool
-):
-    folder = lists.add("net", {"path": "deep/model.onnx", "source": SOURCE, "bytes": size})
-    there = write(tmp_path / "mine" / "model.onnx", b"weights")
-    monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path / "mine"))
-    assert missing(folder, "net") == (() if found else ("weights 'net' (8 bytes, MIT) are missing: " + FETCH,))
-    if found:
-        assert locate(folder, "net") == there
-
-
 FETCH = "`physic weights fetch net`"
 
 
@@ -93,8 +81,11 @@ def test_missing_weights_are_named_with_size_licence_command_and_searched_folder
     ("keys", "way"),
     [
         ({}, "`physic weights fetch net`"),
-        ({"commercial": False}, "`physic weights fetch net --accept-licence` (no commercial use)"),
-        ({"commercial": None}, "`physic weights fetch net --accept-licence` (commercial use not stated)"),
+        ({"commercial": False}, "`physic weights fetch net --accept-licence` (commercial use NOT allowed)"),
+        (
+            {"commercial": None},
+            "`physic weights fetch net --accept-licence` (commercial use not stated: read the licence)",
+        ),
         ({"account": True}, f"{FETCH[:-1]} --accept-licence` (an account with access, commercial use allowed)"),
     ],
 )

@@ -21,12 +21,11 @@ def write(tmp_path: Path, text: str, name: str = "own.toml") -> Path:
     return path
 
 
-def faults(path: Path) -> list[str]:
+def fault(path: Path) -> str:
     with pytest.raises(BackendError) as caught:
         read_manifest(path)
-    head, *lines = str(caught.value).splitlines()
-    assert head == "this weight manifest is invalid:"
-    return [line.removeprefix(f"{path}: ") for line in lines]
+    assert str(path) in str(caught.value) or path.is_dir()
+    return str(caught.value)
 
 
 def test_a_set_is_read_with_all_that_it_says(tmp_path: Path):
@@ -86,85 +85,40 @@ def test_a_list_is_read_again_only_when_it_has_changed(tmp_path: Path):
     assert sorted(read_manifest(path)) == ["other"]
 
 
-def test_every_fault_is_reported_at_once(tmp_path: Path):
-    path = write(
-        tmp_path,
-        """
-        simple = 3
-        [Net]
-        sumary = "A network"
-        license = ""
-        commercial = "yes"
-        files = []
-        [two]
-        summary = "Two"
-        license = "MIT"
-        [[two.files]]
-        path = "../up.onnx"
-        bytes = 0
-        sha256 = "AB12"
-        source = "ftp://example.org/x"
-        [[two.files]]
-        path = "same.onnx"
-        size = 3
-        [four]
-        summary = "Four"
-        license = "MIT"
-        [[four.files]]
-        path = "same.onnx"
-        source = "http://example.org/x"
-        [[four.files]]
-        path = "same.onnx"
-        [three]
-        summary = "Three"
-        license = "MIT"
-        files = ["model.onnx"]
-        """,
-    )
-    found = faults(path)
-    for fault, (where, word) in zip(
-        found,
-        (
-            ("[simple]", "dictionary"),
-            ("[Net] name:", "pattern"),
-            ("[Net] summary:", "required"),
-            ("[Net] license:", "at least 1 character"),
-            ("[Net] commercial:", "boolean"),
-            ("[Net] sumary:", "Unexpected"),
-            ("[two] files.0.path:", "inside the folder"),
-            ("[two] files.0.bytes:", "greater than 0 (got 0)"),
-            ("[two] files.0.sha256:", "pattern"),
-            ("[two] files.0.source:", "hf://owner/repository/path"),
-            ("[two] files.1.size:", "Unexpected"),
-            ("[four]", "more than once"),
-            ("[four]", "add its sha256"),
-            ("[four]", "write in 'advice' how to get it"),
-            ("[three] files.0:", "dictionary"),
-        ),
-        strict=True,
-    ):
-        assert fault.startswith(where)
-        assert word in fault
+def table(files: str, head: str = 'summary = "A"\nlicense = "MIT"\n') -> str:
+    return f"[net]\n{head}{files}"
 
 
-def test_a_weight_set_without_licence_is_refused(tmp_path: Path):
-    (fault,) = faults(write(tmp_path, SIMPLE.replace('license = "MIT"\n', "") + SOURCE))
-    assert fault.startswith("[net] license: Field required")
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("net = 3", "dictionary"),
+        (table("sumary = 'A'\n" + "[[net.files]]\npath = 'a'\n" + SOURCE), "sumary"),
+        (table("[[net.files]]\npath = 'a'\n" + SOURCE, "license = 'MIT'\n"), "summary"),
+        (table("[[net.files]]\npath = 'a'\n" + SOURCE, "summary = 'A'\n"), "license"),
+        (table("commercial = 'yes'\n[[net.files]]\npath = 'a'\n" + SOURCE), "commercial"),
+        (table("[[net.files]]\npath = '../up'\n" + SOURCE), "path"),
+        (table("[[net.files]]\npath = 'a'\nbytes = 0\n" + SOURCE), "bytes"),
+        (table("[[net.files]]\npath = 'a'\nsha256 = 'AB12'\n" + SOURCE), "sha256"),
+        (table("[[net.files]]\npath = 'a'\nsource = 'ftp://example.org/x'\n"), "hf://owner/repository/path"),
+        (table("[[net.files]]\npath = 'a'\nsize = 3\n" + SOURCE), "size"),
+        (table("[[net.files]]\npath = 'a'\n" + SOURCE + "[[net.files]]\npath = 'a'\n" + SOURCE), "twice"),
+        (table("[[net.files]]\npath = 'a'\nsource = 'http://example.org/x'\n"), "sha256"),
+        (table("[[net.files]]\npath = 'a'\n"), "advice"),
+        (table("files = []\n"), "no files"),
+        (table("files = ['model.onnx']\n"), "dictionary"),
+        ("[net]\nsummary = A\n", "line 2"),
+        ("[Net]\nsummary = 'A'\nlicense = 'MIT'\n[[Net.files]]\npath = 'a'\n" + SOURCE, "pattern"),
+    ],
+)
+def test_a_fault_of_a_manifest_is_named(tmp_path: Path, text: str, word: str):
+    assert word in fault(write(tmp_path, text))
 
 
-def test_a_set_of_no_files(tmp_path: Path):
-    assert faults(write(tmp_path, '[net]\nsummary = "A"\nlicense = "MIT"\nfiles = []\n')) == ["[net] has no files"]
-
-
-def test_one_name_in_two_lists(tmp_path: Path):
+def test_one_name_in_two_manifests_is_an_error(tmp_path: Path):
     write(tmp_path, SIMPLE + SOURCE, "a.toml")
     write(tmp_path, SIMPLE + SOURCE, "b.toml")
-    assert faults(tmp_path) == [f"{tmp_path / 'b.toml'}: [net] is in a.toml already"]
-
-
-def test_a_file_that_is_not_toml_is_an_error(tmp_path: Path):
-    (fault,) = faults(write(tmp_path, "[net]\nsummary = A\n"))
-    assert fault == "Invalid value (at line 2, column 11)"
+    assert "b.toml" in fault(tmp_path)
 
 
 def test_a_list_that_is_not_there(tmp_path: Path):
@@ -186,7 +140,7 @@ def test_a_path_out_of_the_folder_is_refused_everywhere(tmp_path: Path, path: st
         SIMPLE + f"source = 'https://example.org/all.zip#{path}'\n",
         SIMPLE + f"source = 'hf://owner/repo/{path}'\n",
     ):
-        assert len(faults(write(tmp_path, text))) == 1, text
+        assert "net" in fault(write(tmp_path, text)), text
 
 
 def test_every_installed_manifest_is_valid():

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from physic_core.errors import BackendError
-from physic_core.weights import fingerprint, locate, missing, verify
+from physic_core.weights import fingerprint, locate, missing
 
 CONTENT = b"weights" * 1000
 DIGEST = hashlib.sha256(CONTENT).hexdigest()
@@ -61,17 +61,17 @@ def test_a_damaged_file_is_refused_and_not_missing(folder: Path, model: Path):
 
 def test_a_file_of_another_size_is_refused_without_reading_it(folder: Path, model: Path, monkeypatch):
     model.write_bytes(CONTENT[:-1])
-    monkeypatch.setattr(verify, "sha256_of", None)
+    monkeypatch.setattr(hashlib, "file_digest", None)
     assert "is not the published file: it has 6999 bytes instead of 7000: " in refusal(folder)
 
 
 def test_a_file_is_read_once_in_a_process_until_it_changes(folder: Path, model: Path, monkeypatch):
     reads = []
-    compute = verify.sha256_of
-    monkeypatch.setattr(verify, "sha256_of", lambda file: reads.append(file) or compute(file))
+    compute = hashlib.file_digest
+    monkeypatch.setattr(hashlib, "file_digest", lambda *given: reads.append(given) or compute(*given))
     for _ in range(3):
         locate(folder, "net")
-    assert reads == [model]
+    assert len(reads) == 1
     flip_bit(model)
     assert "is not the published file" in refusal(folder)
 
@@ -90,7 +90,7 @@ def test_a_link_to_another_file_is_compared_again(folder: Path, model: Path, tmp
 
 
 def test_looking_for_files_reads_none(folder: Path, model: Path, monkeypatch):
-    monkeypatch.setattr(verify, "sha256_of", None)
+    monkeypatch.setattr(hashlib, "file_digest", None)
     assert missing(folder, "net") == ()
     assert fingerprint(folder, "net")
 

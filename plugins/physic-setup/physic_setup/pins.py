@@ -6,10 +6,10 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 
+from physic_core.cache.file_hashes import remembered_sha256
 from physic_core.errors import OutputError
 from physic_core.weights.lock import lock_file_path, read_lock
 from physic_core.weights.manifest import WeightSet
-from physic_core.weights.verify import sha256_of
 
 _HEAD = "# What was fetched first, by `physic weights fetch` and `physic setup --run`. Keep it with your project.\n"
 
@@ -43,7 +43,7 @@ def pin_files(weights: WeightSet, here: Mapping[str, Path]) -> None:
         name, path = f"{weights.name}/{file.path}", here.get(file.path)
         if path is not None and file.sha256 is None and name not in held:
             commit = _snapshot(path)
-            found[name] = {"sha256": sha256_of(path)} | ({"revision": commit} if commit else {})
+            found[name] = {"sha256": remembered_sha256(path)} | ({"revision": commit} if commit else {})
     pin(found)
 
 

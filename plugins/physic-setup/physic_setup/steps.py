@@ -159,7 +159,7 @@ def pin_setup(config: Config, registry: Registry) -> None:
         return
     plan = resolve(config, registry)
     for weights in named_weights(plan, registry):
-        pin_files(weights, locate_files(weights).files)
+        pin_files(weights, locate_files(weights))
     pin({one.url: {"commit": one.found} for _, one in _unique(plan, Repository) if one.found and not one.commit})
 
 
@@ -238,11 +238,11 @@ def _torchvision(install: str) -> tuple[str, ...]:
 
 
 def _is_here(weights: WeightSet, path: str) -> bool:
-    return path in locate_files(weights).files
+    return path in locate_files(weights)
 
 
 def _is_complete(weights: WeightSet) -> bool:
-    return len(locate_files(weights).files) == len(weights.files)
+    return len(locate_files(weights)) == len(weights.files)
 
 
 def _is_downloadable(weights: WeightSet) -> bool:

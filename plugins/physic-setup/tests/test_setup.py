@@ -146,7 +146,7 @@ def test_a_licence_that_restricts_use_is_left_to_the_user(thing: tuple[Path, str
     written(thing[0], weights="other-net")
     lines = physic("setup", "embedded", "--folder", "mine").output.splitlines()
     assert "#    by hand: licence: https://example.org/licence" in lines
-    assert "#    by hand: `physic weights fetch other-net --accept-licence` (no commercial use)" in lines
+    assert "#    by hand: `physic weights fetch other-net --accept-licence` (commercial use NOT allowed)" in lines
     assert not any("accept" in line for line in lines if not line.startswith("#"))
 
 

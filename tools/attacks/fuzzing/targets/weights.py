@@ -1,21 +1,17 @@
-"""Weight manifests: sets of weights, or BackendError. Members of zip archives: the published file, or DownloadError."""
+"""Weight manifests: sets of weights, or BackendError."""
 
 from __future__ import annotations
 
-import hashlib
-import io
 import random
 import tomllib
-import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 
 from fuzzing.mutations import mutate_text
 from fuzzing.target import Target
-from physic_core.errors import BackendError, DownloadError
+from physic_core.errors import BackendError
 from physic_core.weights.find import format_size
-from physic_core.weights.manifest import HubSource, WebSource, WeightFile, is_inside, read_manifest
-from physic_setup.fetch import _extract_member
+from physic_core.weights.manifest import HubSource, is_inside, read_manifest
 
 MANIFEST = """
 [net-1]
@@ -42,9 +38,6 @@ files = [{ path = "a.npz", bytes = 12 }]
 advice = "copy it"
 """
 
-CONTENT = bytes(range(256)) * 9
-WANTED = WeightFile("data.bin", len(CONTENT), hashlib.sha256(CONTENT).hexdigest())
-
 
 def manifests(folder: Path) -> list[bytes]:
     return [MANIFEST.encode()]
@@ -59,10 +52,7 @@ def attack_manifest(data: bytes, folder: Path) -> None:
     path.write_bytes(data)
     try:
         sets = read_manifest(path)
-    except BackendError as error:
-        lines = str(error).splitlines()
-        assert all(line.isprintable() for line in lines)
-        assert all(str(path) in line for line in lines[1:])
+    except BackendError:
         return
     tables = tomllib.loads(path.read_text(encoding="utf-8"))
     assert list(sets) == list(tables)
@@ -78,32 +68,6 @@ def attack_manifest(data: bytes, folder: Path) -> None:
         assert all(is_inside(file.path) for file in weights.files)
 
 
-def archives(folder: Path) -> list[bytes]:
-    seeds = []
-    for method in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA):
-        file = io.BytesIO()
-        with zipfile.ZipFile(file, "w", method) as archive:
-            archive.writestr("../outside.bin", b"x")
-            archive.writestr("inside/data.bin", CONTENT)
-        seeds.append(file.getvalue())
-    return seeds
-
-
-def attack_archive(data: bytes, folder: Path) -> None:
-    archive, target = folder / "archives" / "net.zip", folder / "set" / "data.bin"
-    for path in (archive, target):
-        path.parent.mkdir()
-    archive.write_bytes(data)
-    try:
-        _extract_member(archive, WebSource("https://example.org/net.zip", "inside/data.bin"), WANTED, target)
-        assert target.read_bytes() == CONTENT
-    except DownloadError:
-        assert not target.exists()
-    assert not (folder / "outside.bin").exists()
-    assert set(target.parent.iterdir()) <= {target}
-
-
 TARGETS = [
     Target("weight_manifests", manifests, attack_manifest, mutate_manifest),
-    Target("weight_archives", archives, attack_archive),
 ]
