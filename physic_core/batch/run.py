@@ -14,7 +14,7 @@ from physic_core.batch.journal import Journal, read_journals
 from physic_core.batch.photos import PhotoItem, photo_folder
 from physic_core.batch.process import BatchJob, PhotoProcessor, failed_row
 from physic_core.batch.result_files import is_complete, sizes_of_files
-from physic_core.batch.workers import Outcome, WorkerSettings, run_in_workers
+from physic_core.batch.workers import WorkerSettings, run_in_workers
 from physic_core.files.atomic import check_writable
 from physic_core.io.result_folder import file_digest
 
@@ -133,15 +133,11 @@ def run_locally(
     """
     open_worker = open_worker or partial(PhotoProcessor, job)
     with closing(run_in_workers(items, open_worker, settings)) as outcomes:
-        for outcome in outcomes:
-            yield outcome_row(job, outcome)
-
-
-def outcome_row(job: BatchJob, outcome: Outcome[PhotoItem]) -> dict[str, Any]:
-    """Return the row of a photo from what became of it in a worker process."""
-    if outcome.failure:
-        return failed_row(job, outcome.task, outcome.failure, outcome.message, outcome.seconds, outcome.attempts)
-    return {**outcome.value, "attempts": outcome.attempts}
+        for one in outcomes:
+            if one.failure:
+                yield failed_row(job, one.task, one.failure, one.message, one.seconds, one.attempts)
+            else:
+                yield {**one.value, "attempts": one.attempts}
 
 
 def _is_current(row: Mapping[str, Any], item: PhotoItem, job: BatchJob) -> bool:

@@ -1,24 +1,24 @@
 """Worker processes for a batch: each is opened once, gets one task at a time, and is replaced if it dies or hangs.
 
-A thread supervises each process and talks to it over a pipe of its own, so that a worker that is killed cannot leave a
-lock that the others wait for. Workers end with the process that started them, even if it is killed.
+Each process has a pipe of its own, so that one that is killed leaves no lock that the others wait for. Workers end with
+the process that started them, even if it is killed.
 """
 
 from __future__ import annotations
 
 import faulthandler
 import gc
+import math
 import multiprocessing
 import os
 import signal
 import sys
 import threading
 import time
-from collections import deque
+import traceback
 from collections.abc import Callable, Generator, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from itertools import count
 from multiprocessing import connection
 from pathlib import Path
@@ -27,17 +27,7 @@ from typing import Any, Generic, Literal, TypeVar
 from physic_core import errors
 from physic_core.batch.machine import peak_memory_mb
 from physic_core.errors import BackendError, OutputError, PhysicError
-from physic_core.files.atomic import atomic_write, check_writable
-from physic_core.files.own import MARK, check_own, open_to_append
-
-__all__ = [
-    "LOAD_LIMIT_S",
-    "Outcome",
-    "SupervisedWorker",
-    "WorkerSettings",
-    "error_named",
-    "run_in_workers",
-]
+from physic_core.files.own import MARK, check_own, open_to_append, write_own
 
 Task = TypeVar("Task")
 
@@ -45,9 +35,7 @@ LOAD_LIMIT_S = 1800.0
 """Longest time in which a worker must be open."""
 
 _MAX_ATTEMPTS = 2  # a worker can be killed because the photo of another one needs the memory
-_MAX_FAILED_REPLACEMENTS = 3
-_MAX_WORKERS = 1024
-_STARTING = threading.Lock()  # the environment of a process that starts is that of all
+_MAX_STARTS = 3
 _END_S = 5.0  # for a process that has closed its pipe
 _SINGLE_THREAD = {
     "MKL_NUM_THREADS": "1",
@@ -59,7 +47,7 @@ _SINGLE_THREAD = {
 
 @dataclass(frozen=True)
 class Outcome(Generic[Task]):
-    """What became of one task.
+    """Result of one task.
 
     Attributes:
         task: as given.
@@ -101,10 +89,10 @@ def run_in_workers(
     """Run tasks in worker processes and yield their outcomes in the order in which they end.
 
     The first worker is opened alone, so that one that cannot be opened is reported once. A task whose worker dies is
-    tried again once, after all others.
+    tried once more, in a new process.
 
     Args:
-        tasks: read as workers become free; can be pickled.
+        tasks: the next one is read when a worker is free; can be pickled.
         open_worker: called in each process; returns the function of a task. Can be pickled.
         settings: number of workers, time limit, logs.
 
@@ -115,217 +103,164 @@ def run_in_workers(
     """
     if settings.logs is not None:
         check_own(*settings.logs.glob("worker-*.txt"))
-    left, again = ((task, 1) for task in tasks), deque[tuple[Task, int]]()
-    logs, workers, idle = count(), list[_Worker[Task]](), deque[_Worker[Task]]()
-
-    def add_worker() -> _Worker[Task]:
-        workers.append(_Worker(open_worker, settings, logs))
-        return workers[-1]
-
-    def attempt(task: Task, number: int) -> Outcome[Task]:
-        try:
-            worker = idle.popleft()
-        except IndexError:
-            worker = add_worker()
-        outcome = worker.try_once(task)
-        idle.append(worker)
-        return replace(outcome, attempts=number)
-
-    if (following := next(left, None)) is None:
-        return
-    running: set[Future[Outcome[Task]]] = set()
-    with ThreadPoolExecutor(_MAX_WORKERS) as threads:  # one thread waits for each process
-        try:
-            add_worker().open(tries=1)
-            idle.append(workers[0])
-            limit = 1 if callable(settings.count) else max(1, settings.count)
-            while True:
-                while len(running) < limit and (following is not None or again):
-                    running.add(threads.submit(attempt, *(following or again.popleft())))
-                    following = next(left, None) if following is not None else None
-                if not running:
-                    return
-                done, running = wait(running, return_when=FIRST_COMPLETED)
-                for outcome in (future.result() for future in done):
-                    if callable(settings.count) and limit == 1 and not outcome.failure:
-                        limit = max(1, settings.count(outcome.peak_mb))
-                    if outcome.failure == "WorkerDied" and outcome.attempts < _MAX_ATTEMPTS:
-                        again.append((outcome.task, outcome.attempts + 1))
-                    else:
-                        yield outcome
-        finally:
-            for worker in workers:
-                worker.close()
+    tasks, logs, limit = iter(tasks), count(), 1
+    workers: list[_Worker[Task]] = []
+    try:
+        while True:
+            while len(workers) < limit and (task := next(tasks, None)) is not None:
+                workers.append(_Worker(open_worker, settings, logs))
+                workers[-1].begin(task)
+            if not workers:
+                return
+            for worker in _wait_for_any(workers):
+                outcome = worker.step()
+                if limit == 1 and worker.is_open and not callable(settings.count):
+                    limit = settings.count
+                if outcome is None:
+                    continue
+                if limit == 1 and callable(settings.count) and not outcome.failure:
+                    limit = settings.count(outcome.peak_mb)
+                yield outcome
+                if (task := next(tasks, None)) is None:
+                    worker.end()
+                    workers.remove(worker)
+                else:
+                    worker.begin(task)
+    finally:
+        for worker in workers:
+            worker.end()
 
 
-class _ProcessEndedError(Exception):
-    """The process of a worker ended; the message says how."""
-
-
-class _TimeLimitError(Exception):
-    """The process of a worker exceeded its time limit and was ended."""
+def _wait_for_any(workers: list[_Worker[Task]]) -> list[_Worker[Task]]:
+    """Wait until a worker has sent something, has ended, or has exceeded its time; return all such workers."""
+    left = min(worker.deadline for worker in workers) - time.monotonic()
+    handles = [handle for worker in workers for handle in worker.handles]
+    ready = connection.wait(handles, None if math.isinf(left) else max(0.0, left))
+    now = time.monotonic()
+    return [one for one in workers if one.deadline <= now or not set(ready).isdisjoint(one.handles)]
 
 
 class _Worker(Generic[Task]):
-    """One worker process, which is opened when it is needed, and again after it has died or was ended."""
+    """A process with the task that it has; it is started again after it died or was ended.
+
+    Attributes:
+        is_open: whether the process has loaded what it needs.
+        deadline: by the monotonic clock, when it must be open, or its task be done.
+        handles: become ready when the process has sent something, or has ended.
+    """
 
     def __init__(
         self, open_worker: Callable[[], Callable[[Task], Any]], settings: WorkerSettings, logs: Iterator[int]
     ) -> None:
         self._open_worker, self._settings, self._logs = open_worker, settings, logs
         self._process: Any = None
-        self._is_closed = False
+        self._starts = 0
+        self.is_open = False
 
-    def open(self, tries: int = _MAX_FAILED_REPLACEMENTS) -> None:
-        """Start the process, and wait until it is ready.
+    def begin(self, task: Task) -> None:
+        """Give the worker a task."""
+        self._task, self._attempt = task, 1
+        self._go_on()
 
-        Raises:
-            PhysicError: it cannot be opened.
-        """
-        try:
-            self._start()
-            self._receive(time.monotonic() + LOAD_LIMIT_S)
-        except _TimeLimitError as error:
-            raise BackendError(f"the backends are not loaded after {LOAD_LIMIT_S:.0f} s") from error
-        except _ProcessEndedError as error:
-            if tries == 1:
-                raise BackendError(f"a worker ended while it loaded the backends: {error}") from error
-            self.open(tries - 1)
-
-    def try_once(self, task: Task) -> Outcome[Task]:
-        """Run a task in the process, which is opened if there is none.
+    def step(self) -> Outcome[Task] | None:
+        """Take what the process has sent, or its end; return the outcome of the task if it has one.
 
         Raises:
             PhysicError: the process cannot be opened.
             OutputError: the task raised OutputError.
         """
-        if self._process is None:
-            self.open()
-        start, timeout = time.monotonic(), self._settings.timeout
-        with suppress(OSError):  # it has just died, which the next line finds
-            self._pipe.send(task)
         try:
-            value, peak_mb = self._receive(None if timeout is None else start + timeout)
-        except _ProcessEndedError as error:
-            return Outcome(task, None, "WorkerDied", str(error), time.monotonic() - start)
-        except _TimeLimitError:
-            seconds = time.monotonic() - start
-            message = f"no result after {seconds:.0f} s; --timeout sets the limit"
-            return Outcome(task, None, "Timeout", message, seconds)
-        return Outcome(task, value, seconds=time.monotonic() - start, peak_mb=peak_mb)
-
-    def close(self) -> None:
-        """End the process; none is started any more."""
-        with _STARTING:
-            self._is_closed = True
-            process = self._process
-        if process is not None:
-            process.kill()
-            process.join()
-
-    def _start(self) -> None:
-        context = multiprocessing.get_context("spawn")
-        with _STARTING, _environment(_SINGLE_THREAD):
-            if self._is_closed:
-                raise BackendError("the workers are closed")
-            self._pipe, theirs = context.Pipe()
-            folder = self._settings.logs
-            self._log = None if folder is None else folder / f"worker-{next(self._logs)}.txt"
-            if self._log is not None:
-                _start_log(self._log)
-            self._process = context.Process(target=_work, args=(theirs, self._open_worker, self._log))
-            self._process.start()
-            theirs.close()
-
-    def _receive(self, deadline: float | None) -> list[Any]:
-        """Wait for an answer of the process, and return its content.
-
-        Raises:
-            _ProcessEndedError: it died.
-            _TimeLimitError: the deadline passed.
-            PhysicError: it cannot be opened, or its task raised OutputError.
-        """
-        left = None if deadline is None else max(0.0, deadline - time.monotonic())
-        if not connection.wait([self._pipe, self._process.sentinel], left):
-            self._end()
-            raise _TimeLimitError
-        try:
-            kind, *content = self._pipe.recv() if self._pipe.poll() else ("died",)
+            kind, *content = self._pipe.recv() if self._pipe.poll() else ("silent",)
         except (EOFError, OSError):
-            kind, content = "died", []
+            kind, content = "silent", []
+        seconds = time.monotonic() - self._since
         if kind == "refused":
             raise error_named(*content)
-        if kind == "died":
-            self._process.join(_END_S)
-            how = _describe_end(self._process.exitcode, self._log)
-            self._end()
-            raise _ProcessEndedError(how)
-        return content
+        if kind == "open":
+            self.is_open, self._starts = True, 0
+            self._go_on()
+            return None
+        if kind == "done":
+            return Outcome(self._task, content[0], "", "", seconds, self._attempt, content[1])
+        if time.monotonic() >= self.deadline and self._process.is_alive():
+            was_open = self.is_open
+            self.end()
+            if not was_open:
+                raise BackendError(f"the backends are not loaded after {LOAD_LIMIT_S:.0f} s")
+            message = f"no result after {seconds:.0f} s; --timeout sets the limit"
+            return Outcome(self._task, None, "Timeout", message, seconds, self._attempt)
+        self._process.join(_END_S)
+        how, was_open = _describe_end(self._process.exitcode, self._log), self.is_open
+        self.end()
+        if not was_open and self._starts == _MAX_STARTS:
+            raise BackendError(f"a worker ended while it loaded the backends: {how}")
+        if was_open and self._attempt == _MAX_ATTEMPTS:
+            return Outcome(self._task, None, "WorkerDied", how, seconds, self._attempt)
+        self._attempt += was_open
+        self._go_on()
+        return None
 
-    def _end(self) -> None:
-        process, self._process = self._process, None
-        process.kill()
-        process.join()
-        self._pipe.close()
+    def end(self) -> None:
+        """End the process, if there is one."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.join()
+            self._pipe.close()
+        self._process, self.is_open = None, False
 
+    def _go_on(self) -> None:
+        """Start the process, or send it the task if it is open."""
+        self._since = time.monotonic()
+        if not self.is_open:
+            self._start()
+            return
+        self.deadline = self._since + (math.inf if self._settings.timeout is None else self._settings.timeout)
+        with suppress(OSError):  # it has just died, which the next step finds
+            self._pipe.send(self._task)
 
-class SupervisedWorker(_Worker[Task]):
-    """One worker process that stays open between tasks, for executors that hand out tasks themselves.
-
-    A worker that dies or hangs costs its task alone, as in :func:`run_in_workers`, and is replaced.
-
-    Args:
-        open_worker: called in the process; returns the function of a task. Can be pickled.
-        settings: time limit and logs; ``count`` is not used.
-
-    Raises:
-        PhysicError: the worker cannot be opened.
-    """
-
-    def __init__(self, open_worker: Callable[[], Callable[[Task], Any]], settings: WorkerSettings) -> None:
-        super().__init__(open_worker, settings, count())
-        self.open(tries=1)
-
-    def __call__(self, task: Task) -> Outcome[Task]:
-        """Run a task; a second time if its worker dies.
-
-        Raises:
-            PhysicError: a new worker cannot be opened.
-            OutputError: the task raised OutputError.
-        """
-        for number in range(1, _MAX_ATTEMPTS):
-            outcome = self.try_once(task)
-            if outcome.failure != "WorkerDied":
-                return replace(outcome, attempts=number)
-        return replace(self.try_once(task), attempts=_MAX_ATTEMPTS)
+    def _start(self) -> None:
+        folder = self._settings.logs
+        self._log = None if folder is None else folder / f"worker-{next(self._logs)}.txt"
+        if self._log is not None:
+            write_own(self._log, f"{MARK}\n".encode())
+        context = multiprocessing.get_context("spawn")
+        self._pipe, theirs = context.Pipe()
+        self._process = context.Process(target=_work, args=(theirs, self._open_worker, self._log))
+        with _environment(_SINGLE_THREAD):
+            self._process.start()
+        theirs.close()
+        self._starts += 1
+        self.deadline = self._since + LOAD_LIMIT_S
+        self.handles = (self._pipe, self._process.sentinel)
 
 
 def _work(pipe: connection.Connection, open_worker: Callable[[], Callable[[Any], Any]], log: Path | None) -> None:
     """Open the worker, then serve tasks until the pipe is closed; runs in the worker process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the supervisor, which ends its workers
-    _redirect_output(log)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the parent, which ends its workers
+    if log is not None:
+        with open_to_append(log) as file:
+            os.dup2(file.fileno(), 1)
+            os.dup2(file.fileno(), 2)
+        sys.stdout, sys.stderr = os.fdopen(1, "w", buffering=1), os.fdopen(2, "w", buffering=1)
     faulthandler.enable()
     threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
         process = open_worker()
     except BaseException as error:
-        _print_error()
+        traceback.print_exc()
         pipe.send(("refused", type(error).__name__, str(error)))
         return
     gc.collect()
     gc.freeze()  # the loaded libraries stay: to look through them after each task would take 0.1 s
-    pipe.send(("ready",))
-    while True:
-        try:
+    pipe.send(("open",))
+    with suppress(EOFError):
+        while True:
             task = pipe.recv()
-        except EOFError:
-            return
-        try:
-            answer: tuple[Any, ...] = ("done", process(task), peak_memory_mb())
-        except OutputError as error:
-            answer = ("refused", "OutputError", str(error))
-        pipe.send(answer)
-        gc.collect()
+            try:
+                pipe.send(("done", process(task), peak_memory_mb()))
+            except OutputError as error:
+                pipe.send(("refused", "OutputError", str(error)))
+            gc.collect()
 
 
 def _end_with_parent() -> None:
@@ -334,31 +269,6 @@ def _end_with_parent() -> None:
     if parent is not None:
         connection.wait([parent.sentinel])
         os._exit(1)
-
-
-def _start_log(log: Path) -> None:
-    """Replace the log of an earlier run by a new one.
-
-    Raises:
-        OutputError: the file there is of the user, or the folder cannot be written.
-    """
-    check_own(log)
-    with atomic_write(check_writable(log.parent)) as temporary:
-        temporary(log.name).write_text(f"{MARK}\n", encoding="utf-8")
-
-
-def _redirect_output(log: Path | None) -> None:
-    if log is not None:
-        with open_to_append(log) as file:
-            os.dup2(file.fileno(), 1)
-            os.dup2(file.fileno(), 2)
-        sys.stdout, sys.stderr = os.fdopen(1, "w", buffering=1), os.fdopen(2, "w", buffering=1)
-
-
-def _print_error() -> None:
-    import traceback
-
-    traceback.print_exc()
 
 
 def error_named(name: str, message: str) -> PhysicError:
@@ -378,15 +288,13 @@ def _describe_end(code: int | None, log: Path | None) -> str:
     return f"it exited with code {code}{seen}"
 
 
-class _environment:
+@contextmanager
+def _environment(variables: dict[str, str]) -> Iterator[None]:
     """Set environment variables that are not set, for the processes that are started in the block."""
-
-    def __init__(self, variables: dict[str, str]) -> None:
-        self._variables = {name: value for name, value in variables.items() if name not in os.environ}
-
-    def __enter__(self) -> None:
-        os.environ.update(self._variables)
-
-    def __exit__(self, *_: object) -> None:
-        for name in self._variables:
-            os.environ.pop(name, None)
+    added = variables.keys() - os.environ.keys()
+    os.environ.update({name: variables[name] for name in added})
+    try:
+        yield
+    finally:
+        for name in added:
+            del os.environ[name]

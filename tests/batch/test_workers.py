@@ -6,13 +6,13 @@ import os
 import subprocess
 import sys
 import time
-from collections import Counter
+from collections import Counter, deque
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
-from physic_core.batch.workers import Outcome, SupervisedWorker, WorkerSettings, run_in_workers
+from physic_core.batch.workers import Outcome, WorkerSettings, run_in_workers
 from physic_core.errors import BackendError, ConfigError, OutputError
 
 from .conftest import STANDIN
@@ -126,16 +126,17 @@ def alive(pid: int) -> bool:
         return False
 
 
-def test_one_supervised_worker_is_replaced_when_its_task_takes_it_down(standin: ModuleType):
-    worker = SupervisedWorker(standin.open_worker, WorkerSettings(timeout=20.0))
-    try:
-        first, bad, again = (worker(task) for task in ("a", "abort", "b"))
-        assert (first.value.split()[0], again.value.split()[0]) == ("a", "b")
-        assert first.value.split()[-1] != again.value.split()[-1]
-        assert (bad.failure, bad.attempts) == ("WorkerDied", 2)
-        with pytest.raises(OutputError):
-            worker("full")
-    finally:
-        worker.close()
-    with pytest.raises(ConfigError, match="preset mock"):
-        SupervisedWorker(standin.refuse, WorkerSettings())
+def test_tasks_may_be_given_one_after_the_other_to_a_worker_that_stays_open(standin: ModuleType):
+    waiting: deque[str] = deque()
+    outcomes = run_in_workers(iter(waiting.popleft, None), standin.open_worker, WorkerSettings(timeout=20.0))
+    found = []
+    for task in ("a", "b", "abort", "c"):
+        waiting.append(task)
+        found.append(next(outcomes))
+    first, second, bad, again = found
+    assert [one.value.split()[0] for one in (first, second, again)] == ["a", "b", "c"]
+    assert first.value.split()[-1] == second.value.split()[-1] != again.value.split()[-1]
+    assert (bad.failure, bad.attempts) == ("WorkerDied", 2)
+    waiting.append("full")
+    with pytest.raises(OutputError):
+        next(outcomes)

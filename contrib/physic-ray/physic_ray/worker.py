@@ -6,18 +6,18 @@ import json
 import os
 import sys
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from physic_core.batch.photos import PhotoItem
-from physic_core.batch.process import BatchJob, PhotoProcessor
-from physic_core.batch.run import outcome_row
-from physic_core.batch.workers import SupervisedWorker, WorkerSettings
+from physic_core.batch.process import BatchJob
+from physic_core.batch.run import run_locally
+from physic_core.batch.workers import WorkerSettings
 from physic_core.errors import OutputError, PhysicError
 
 VISIBLE_S = 30.0
@@ -59,7 +59,6 @@ class PhotoWorker:
 
     Raises:
         OutputError: this node does not see the output folder of the driver.
-        PhysicError: the backends cannot be loaded.
     """
 
     def __init__(self, plan: WorkerPlan) -> None:
@@ -73,20 +72,20 @@ class PhotoWorker:
             with suppress(OSError):  # another node need not have it
                 os.chdir(plan.folder)
         logs = None if plan.logs is None else plan.logs / f"ray-{os.uname().nodename}-{os.getpid()}"
-        settings = WorkerSettings(timeout=plan.timeout, logs=logs)
-        self._job = plan.job
-        with _hidden_main_module():
-            self._worker = SupervisedWorker(plan.open_worker or partial(PhotoProcessor, plan.job), settings)
+        self._waiting = deque[PhotoItem]()
+        photos = iter(self._waiting.popleft, None)  # read one at a time: it is never read while it is empty
+        self._rows = run_locally(photos, plan.job, WorkerSettings(1, plan.timeout, logs), plan.open_worker)
 
     def __call__(self, item: PhotoItem) -> dict[str, Any]:
         """Return the row of a photo.
 
         Raises:
             OutputError: the files cannot be written.
-            PhysicError: a new worker cannot be opened.
+            PhysicError: the backends cannot be loaded.
         """
+        self._waiting.append(item.stamped())
         with _hidden_main_module():
-            return outcome_row(self._job, self._worker(item.stamped()))
+            return next(self._rows)
 
 
 class JsonActor:
