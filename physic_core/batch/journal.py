@@ -1,25 +1,33 @@
-"""The journal of a batch: one JSON line per photo that was tried, appended and never changed.
+"""The journal of a batch: one JSON line per photo that was tried, appended and never changed; and its tables.
 
 The last line of an id counts. Lines of one file follow each other in time; of several files, as shards have them, the
 line of the run with the larger number is the later one. No clock decides: machines may have different ones. A damaged
-or truncated line is ignored.
+or truncated line is ignored. The tables are the last line of each photo, and of each person in them.
 """
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from dataclasses import dataclass
+from importlib.util import find_spec
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from filelock import FileLock, Timeout
 
-from physic_core.errors import OutputError
-from physic_core.files.own import foreign_file, open_to_append
+from physic_core.errors import OutputError, PackageMissingError
+from physic_core.files.atomic import atomic_write
+from physic_core.files.csv_rows import as_utf8, write_csv
+from physic_core.files.own import MARK, check_own, foreign_file, open_to_append
 from physic_core.files.strict_json import from_json, parse_json, to_json
+from physic_core.io.people_table import PEOPLE_MARK
+from physic_core.io.result_folder import PEOPLE_TABLE
+from physic_core.types.person_rows import PERSON_COLUMNS
 
 COLUMNS: Mapping[str, str] = {
     "id": "of the photo",
@@ -49,18 +57,11 @@ COLUMNS: Mapping[str, str] = {
 PEOPLE_COLUMN = "people_rows"
 """Entry of a finished photo with a row for each person, from which ``people.csv`` is written; no table has it."""
 
-
 _ALWAYS = ("id", "state", "config", "finished")
-
-
-def check_journal(path: Path) -> None:
-    """Check that a file may become or stay a journal: it is missing or empty, or has a row.
-
-    Raises:
-        OutputError: it has none, or is a link.
-    """
-    if os.path.lexists(path) and (not path.is_file() or path.is_symlink() or not _is_journal(path)):
-        raise foreign_file(path)
+_INTEGERS = ("attempts", "run", "bytes", "modified")
+_NUMBERS = ("seconds", "peak_mb")
+_ROWS = 10_000  # of one group of a Parquet file
+_MARKS = {"csv": ",".join(COLUMNS), "parquet": MARK}  # CSV has no comments: its first line is the mark
 
 
 class Journal:
@@ -75,20 +76,18 @@ class Journal:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        check_journal(path)
-        with ExitStack() as opened:
-            try:
-                self._lock = opened.enter_context(FileLock(path.with_suffix(".lock"), blocking=False))
-                self._file = opened.enter_context(open_to_append(path))
-                self._end_torn_line()
-                self._run = 1 + read_journals(path.parent, ()).run
-            except Timeout:
-                raise OutputError(
-                    f"another batch is writing {path}: wait for its end, or name another folder"
-                ) from None
-            except OSError as error:
-                raise self._error(error) from error
-            opened.pop_all()
+        if os.path.lexists(path) and (path.is_symlink() or not path.is_file() or not _is_journal(path)):
+            raise foreign_file(path)
+        self._lock = FileLock(path.with_suffix(".lock"), blocking=False)
+        try:
+            self._lock.acquire()
+            self._file = open_to_append(path)
+            self._end_torn_line()
+            self._run = 1 + read_journals(path.parent, ()).run
+        except Timeout:
+            raise OutputError(f"another batch is writing {path}: wait for its end, or name another folder") from None
+        except OSError as error:
+            raise self._error(error) from error
 
     def __enter__(self) -> Journal:
         return self
@@ -146,53 +145,33 @@ def read_journals(folder: Path, columns: Iterable[str] | None = None) -> Journal
     An id can be in several journals after a change of shards; then the row of the later run counts.
     """
     found: dict[str, dict[str, Any]] = {}
-    places: dict[str, _Place] = {}
-    damaged = last_run = 0
+    runs: dict[str, int] = {}
+    damaged = 0
     wanted = None if columns is None else {*columns, "id"}
-    for place, row in _lines(folder):
+    for _, row in _lines(folder):
         if row is None:
             damaged += 1
-            continue
-        item = row["id"]
-        last_run = max(last_run, place.run)
-        if item not in places or place.follows(places[item]):
-            places[item] = place
-            found[item] = row if wanted is None else {name: row[name] for name in wanted & row.keys()}
-    return JournalRows(found, damaged, last_run)
+        elif row["run"] >= runs.get(row["id"], 0):
+            runs[row["id"]] = row["run"]
+            found[row["id"]] = row if wanted is None else {name: row[name] for name in wanted & row.keys()}
+    return JournalRows(found, damaged, max(runs.values(), default=0))
 
 
 def last_rows(folder: Path) -> Iterator[dict[str, Any]]:
     """Yield the last row of each id, without holding all rows in memory."""
-    last: dict[str, _Place] = {}
+    last: dict[str, tuple[int, tuple[str, int]]] = {}
     for place, row in _lines(folder):
-        if row is not None and (row["id"] not in last or place.follows(last[row["id"]])):
-            last[row["id"]] = place
-    for place, row in _lines(folder):
-        if row is not None and last.get(row["id"]) == place:
-            yield row
+        if row is not None and row["run"] >= last.get(row["id"], (0,))[0]:
+            last[row["id"]] = row["run"], place
+    places = {place for _, place in last.values()}
+    yield from (row for place, row in _lines(folder) if row is not None and place in places)
 
 
-@dataclass(frozen=True, slots=True)
-class _Place:
-    """Of a line: name of the file, number of the line, and number of the run that wrote it, 0 if unknown."""
-
-    file: str
-    line: int
-    run: int
-
-    def follows(self, other: _Place) -> bool:
-        """Whether this line is later than one that was read before; files are read in the order of their names."""
-        return self.file == other.file or self.run >= other.run
-
-
-def _lines(folder: Path) -> Iterator[tuple[_Place, dict[str, Any] | None]]:
-    """Yield the place and the row of each line; None for a damaged or truncated line."""
+def _lines(folder: Path) -> Iterator[tuple[tuple[str, int], dict[str, Any] | None]]:
+    """Yield file and number of each line, and its row; None for a damaged or truncated line."""
     for path in sorted(filter(Path.is_file, folder.glob("journal*.jsonl"))):
         with path.open("rb") as file:
-            for number, line in enumerate(file):
-                row = _row(line)
-                run = 0 if row is None else row.get("run")
-                yield _Place(path.name, number, run if isinstance(run, int) else 0), row
+            yield from (((path.name, number), _row(line)) for number, line in enumerate(file))
 
 
 def _is_journal(path: Path) -> bool:
@@ -208,4 +187,107 @@ def _row(line: bytes) -> dict[str, Any] | None:
     if not isinstance(row, dict):
         return None
     found = {name: from_json(value) for name, value in row.items()}
+    found["run"] = found["run"] if isinstance(found.get("run"), int) else 0
     return found if all(isinstance(found.get(name), str) for name in _ALWAYS) else None
+
+
+def import_pyarrow(purpose: str) -> Any:
+    """Import ``pyarrow.parquet``.
+
+    Raises:
+        PackageMissingError: it is not installed; ``purpose`` begins the message.
+    """
+    try:
+        return importlib.import_module("pyarrow.parquet")
+    except ImportError as error:
+        raise PackageMissingError(
+            f"{purpose} needs pyarrow: pip install pyarrow, or use a CSV file (--table csv)"
+        ) from error
+
+
+def choose_table(out: Path, kind: str | None) -> str:
+    """Return the kind of the table of photos, after a check that both tables of a batch can be written.
+
+    Args:
+        out: folder of the batch.
+        kind: "csv" or "parquet"; None for "parquet" where pyarrow is installed.
+
+    Raises:
+        PackageMissingError: pyarrow is not installed.
+        OutputError: a file of the user has the name of a table.
+    """
+    kind = kind or ("csv" if find_spec("pyarrow") is None else "parquet")
+    if kind == "parquet":
+        import_pyarrow("summary.parquet")
+    check_own(out / f"summary.{kind}", mark=_MARKS[kind])
+    check_own(out / PEOPLE_TABLE, mark=PEOPLE_MARK)
+    return kind
+
+
+def all_columns() -> tuple[str, ...]:
+    """Return the columns that tables can have: those of the journal, then the numbers of all results."""
+    from physic_core.pipeline.checks import CHECKS
+    from physic_core.types.results import SUMMARY_KEYS
+
+    return (*COLUMNS, *(n for n in SUMMARY_KEYS if n not in COLUMNS), *(f"check_{name}" for name in CHECKS))
+
+
+def arrow_schema(columns: Iterable[str]) -> Any:
+    """Return the ``pyarrow.Schema`` of columns; columns that the journal does not have are numbers."""
+    import pyarrow as pa
+
+    def kind(name: str) -> Any:
+        if name in _INTEGERS:
+            return pa.int64()
+        return pa.string() if name in COLUMNS and name not in _NUMBERS else pa.float64()
+
+    return pa.schema([(name, kind(name)) for name in columns])
+
+
+def write_table(out: Path, kind: str) -> Path:
+    """Write ``summary.parquet`` or ``summary.csv``, one row for each photo, and return its path.
+
+    Columns are those of the journal, then the numbers of the results, which are empty for failed photos. Texts of a CSV
+    file are those of :func:`physic_core.files.csv_rows.write_csv`.
+
+    Raises:
+        ConfigError: pyarrow is not installed.
+        OutputError: the file cannot be written, or no batch has written the one there.
+    """
+    check_own(out / f"summary.{kind}", mark=_MARKS[kind])
+    numbers = sorted({name for row in last_rows(out) for name in row} - COLUMNS.keys() - {PEOPLE_COLUMN})
+    name = f"summary.{kind}"
+    with atomic_write(out) as temporary:
+        path = temporary(name)
+        if kind == "parquet":
+            _write_parquet(path, last_rows(out), numbers)
+        else:
+            with path.open("w", newline="", encoding="utf-8") as file:
+                write_csv(file, [*COLUMNS, *numbers], last_rows(out))
+    return out / name
+
+
+def write_people_table(out: Path) -> Path:
+    """Write ``people.csv``, one row for each person, in the order of the photos' rows, and return its path.
+
+    Raises:
+        OutputError: the file cannot be written, or PhySIC has not written the one there.
+    """
+    check_own(out / PEOPLE_TABLE, mark=PEOPLE_MARK)
+    people = ({"photo": row["id"], **one} for row in last_rows(out) for one in row.get(PEOPLE_COLUMN) or ())
+    with atomic_write(out) as temporary, temporary(PEOPLE_TABLE).open("w", newline="", encoding="utf-8") as file:
+        write_csv(file, list(PERSON_COLUMNS), people)
+    return out / PEOPLE_TABLE
+
+
+def _write_parquet(path: Path, rows: Iterator[dict[str, Any]], numbers: list[str]) -> None:
+    parquet = import_pyarrow("summary.parquet")
+    import pyarrow as pa
+
+    schema = arrow_schema((*COLUMNS, *numbers)).with_metadata({"note": MARK})
+    with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
+        while group := list(islice(rows, _ROWS)):
+            columns = {name: [as_utf8(row.get(name)) for row in group] for name in schema.names}
+            for name in (*numbers, *_NUMBERS):
+                columns[name] = [None if value is None else float(value) for value in columns[name]]
+            writer.write_table(pa.table(columns, schema=schema))

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from physic_core.batch.table import import_pyarrow
+from physic_core.batch.journal import import_pyarrow
 from physic_core.errors import ConfigError, InputError
 from physic_core.files.image_file import IMAGE_SUFFIXES
 from physic_core.files.quoting import printable, quoted, shorten

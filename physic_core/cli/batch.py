@@ -63,9 +63,9 @@ def batch(
     Run the same command again to resume. A photo that fails becomes a row of the journal with the reason.
     """
     from physic_core.batch.contact_sheet import check_contact_sheet, write_contact_sheet
+    from physic_core.batch.journal import choose_table, write_people_table, write_table
     from physic_core.batch.photos import Shard, list_photos
     from physic_core.batch.run import plan_batch, run_batch
-    from physic_core.batch.table import choose_table, write_people_table, write_table
 
     table = choose_table(out, options["table"])
     if not options["no_thumbnails"]:

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner, Result
 from PIL import Image
 
-from physic_core.batch import table
+from physic_core.batch import journal
 from physic_core.cli import main
 from physic_testing.worlds import build_world
 
@@ -103,6 +103,6 @@ def test_without_pyarrow_the_command_names_the_package_to_install(tmp_path: Path
 def test_the_table_is_a_csv_file_without_pyarrow(
     installed: bool, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(table, "import_pyarrow", lambda purpose: None)
-    monkeypatch.setattr(table, "find_spec", lambda name: object() if installed else None)
-    assert table.choose_table(tmp_path, None) == kind
+    monkeypatch.setattr(journal, "import_pyarrow", lambda purpose: None)
+    monkeypatch.setattr(journal, "find_spec", lambda name: object() if installed else None)
+    assert journal.choose_table(tmp_path, None) == kind

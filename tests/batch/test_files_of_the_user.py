@@ -129,7 +129,7 @@ def test_an_edited_file_of_a_result_is_kept(
 def test_a_table_is_known_by_its_mark(kind: str, tmp_path: Path):
     if kind == "parquet":
         pytest.importorskip("pyarrow")
-    from physic_core.batch.table import choose_table, write_table
+    from physic_core.batch.journal import choose_table, write_table
 
     write_table(tmp_path, kind)
     assert choose_table(tmp_path, kind) == kind

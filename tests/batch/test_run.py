@@ -23,11 +23,10 @@ import pytest
 from fuzzing.tiny_result import tiny_result
 from physic_core import load_reconstruction
 from physic_core.batch.contact_sheet import write_contact_sheet
-from physic_core.batch.journal import COLUMNS, Journal, last_rows, read_journals
+from physic_core.batch.journal import COLUMNS, Journal, last_rows, read_journals, write_table
 from physic_core.batch.photos import list_photos
 from physic_core.batch.process import BatchJob, PhotoProcessor, base_row
 from physic_core.batch.run import plan_batch, run_batch
-from physic_core.batch.table import write_table
 from physic_core.configuration.model import load_config
 from physic_core.errors import InputError, OutputError
 

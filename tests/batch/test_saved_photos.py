@@ -15,10 +15,9 @@ import pytest
 
 from physic_core import Reconstruction
 from physic_core.batch.contact_sheet import write_contact_sheet
-from physic_core.batch.journal import COLUMNS, Journal
+from physic_core.batch.journal import COLUMNS, Journal, write_people_table, write_table
 from physic_core.batch.photos import PhotoItem, photo_folder
 from physic_core.batch.process import BatchJob, PhotoProcessor, failed_row
-from physic_core.batch.table import write_people_table, write_table
 from physic_core.configuration.model import load_config
 from physic_core.errors import InputError
 

@@ -154,7 +154,7 @@ def test_a_dataset_becomes_parquet_files_and_its_checkpoint_leaves_out_what_is_w
     from PIL import Image
 
     import physic_ray
-    from physic_core.batch.table import all_columns, arrow_schema
+    from physic_core.batch.journal import all_columns, arrow_schema
     from physic_ray.cluster import connected
     from physic_testing.worlds import build_world
 
