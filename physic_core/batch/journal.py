@@ -64,6 +64,16 @@ _ROWS = 10_000  # of one group of a Parquet file
 _MARKS = {"csv": ",".join(COLUMNS), "parquet": MARK}  # CSV has no comments: its first line is the mark
 
 
+def check_journal(path: Path) -> None:
+    """Check that a file may become or stay a journal: it is missing or empty, or has a row.
+
+    Raises:
+        OutputError: it has none, or is a link.
+    """
+    if os.path.lexists(path) and (not path.is_file() or path.is_symlink() or not _is_journal(path)):
+        raise foreign_file(path)
+
+
 class Journal:
     """The journal file of one run, open for appending; only one process may have it open.
 
@@ -76,8 +86,7 @@ class Journal:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        if os.path.lexists(path) and (path.is_symlink() or not path.is_file() or not _is_journal(path)):
-            raise foreign_file(path)
+        check_journal(path)
         self._lock = FileLock(path.with_suffix(".lock"), blocking=False)
         try:
             self._lock.acquire()

@@ -1,9 +1,14 @@
-"""Open image files of a user: known formats, the first image, memory bounded before decoding, else InputError."""
+"""Open image files of a user: known formats, the first image, pixels bounded before decoding, else InputError.
+
+Decoders invent pixels for data that are lost inside a JPEG file, and Pillow drops their warnings: such data are looked
+for before.
+"""
 
 from __future__ import annotations
 
 import io
 import os
+import re
 import stat
 import threading
 import warnings
@@ -11,13 +16,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
+import simplejpeg
 from PIL import Image, ImageFile, PngImagePlugin
 
 from physic_core.errors import InputError, PackageMissingError
-from physic_core.files.image_memory import decoding_bytes
-from physic_core.files.jpeg_data import check_jpeg_data
 
 if TYPE_CHECKING:
     from io import BufferedReader, BytesIO
@@ -25,8 +29,30 @@ if TYPE_CHECKING:
 MAX_PIXELS = 150_000_000
 """Maximum number of pixels of an image."""
 
-MAX_DECODING_BYTES = 1_300_000_000
-"""Most memory that decoding may take, by the header of the file."""
+_MAX_PIXELS_OF = {
+    "HEIF": 100_000_000,
+    "TIFF": 100_000_000,
+    "WEBP": 55_000_000,
+    "AVIF": 55_000_000,
+    "JPEG2000": 40_000_000,
+}
+"""The same for formats whose decoders take 12 to 32 bytes for each pixel, and not up to 9: 1.4 GB at most."""
+
+MAX_SCANS = 500
+"""Maximum number of scans of a JPEG. Cameras and editors write up to about 20; each takes the time of a complete
+picture."""
+
+_MAX_JPEG_BYTES = 400_000_000
+_MAX_PADDING = 64
+"""Encoders in cameras fill the end of the picture data up to a multiple of some bytes."""
+
+_LOST_BLOCK = 256
+"""Zeros that no picture has, bytes; a lost block of a disk or a download has 512 or more."""
+
+_MARKER = re.compile(rb"\xff([^\x00\xff\xd0-\xd7])")  # of a segment: not of an 0xff in the picture, nor of a restart
+_SOI, _EOI, _SOS, _TEM, _DHT = 0xD8, 0xD9, 0xDA, 0x01, 0xC4
+_SEQUENTIAL = (0xC0, 0xC1)  # frames without refinement, in which zeros can be bits of many pixels
+_EXTRA = re.compile(r"Corrupt JPEG data: (\d+) extraneous bytes before marker 0xd9")
 
 IMAGE_SUFFIXES = {
     "JPEG": (".jpg", ".jpeg", ".jpe", ".jfif"),
@@ -128,16 +154,21 @@ class ImageSource:
             "or save it again from a program that shows it completely"
         )
 
-    def too_large(self) -> InputError:
-        """Return the error for an image of more than ``MAX_PIXELS``."""
+    def too_large(self, limit: int = MAX_PIXELS) -> InputError:
+        """Return the error for an image of more pixels than a limit."""
         return InputError(
-            f"cannot use the {self}: it has more than {MAX_PIXELS // 1_000_000} megapixels; give a smaller version"
+            f"cannot use the {self}: it has more than {limit // 1_000_000} megapixels; give a smaller JPEG"
         )
+
+
+def max_pixels(kind: str) -> int:
+    """Return the maximum number of pixels of an image of one of :data:`IMAGE_SUFFIXES`."""
+    return _MAX_PIXELS_OF.get(kind, MAX_PIXELS)
 
 
 @contextmanager
 def open_image(source: ImageSource) -> Iterator[tuple[Image.Image, BufferedReader | BytesIO]]:
-    """Open an image file without decoding it, and check that decoding takes at most ``MAX_DECODING_BYTES``.
+    """Open an image file without decoding it, and check the number of its pixels.
 
     Yields:
         The image, to be decoded by :func:`decode`, and the open file.
@@ -157,51 +188,29 @@ def open_image(source: ImageSource) -> Iterator[tuple[Image.Image, BufferedReade
             file.seek(0)
             image = Image.open(file, formats=["JPEG", "MPO"] if kind == "JPEG" else [kind])
         with image:
-            if image.size[0] * image.size[1] > MAX_PIXELS:
-                raise source.too_large()
-            needed = decoding_bytes(image)
-            if needed > MAX_DECODING_BYTES:
-                raise InputError(
-                    f"cannot use the {source}: decoding its {image.size[0]} x {image.size[1]} px of {kind} takes "
-                    f"{needed / 1e9:.1f} GB of memory, more than {MAX_DECODING_BYTES / 1e9:.1f} GB; "
-                    "give a smaller version, or a JPEG"
-                )
+            if image.size[0] * image.size[1] > max_pixels(kind):
+                raise source.too_large(max_pixels(kind))
             yield image, file
 
 
-def decode(image: Image.Image, source: ImageSource) -> None:
+def decode(image: Image.Image, source: ImageSource) -> bool:
     """Decode an image of :func:`open_image`, or any of Pillow, in place.
+
+    Returns:
+        Whether it is a JPEG that lacked its end marker, and nothing else.
 
     Raises:
         InputError: its data are damaged or missing, or memory is not sufficient.
     """
+    whole = None
     with wrap_decoding_errors(source):
         # Pillow fills what a JPEG lacks with invented pixels. An image that was decoded before has no tiles.
         if image.format in ("JPEG", "MPO") and getattr(image, "tile", None):
-            check_jpeg_data(image.fp)  # type: ignore[attr-defined]
+            whole = _check_jpeg_data(image.fp)  # type: ignore[attr-defined]
+            if whole is not None:
+                image.fp = io.BytesIO(whole)  # type: ignore[attr-defined]
         image.load()
-
-
-@contextmanager
-def wrap_decoding_errors(source: ImageSource) -> Iterator[None]:
-    """Convert errors of Pillow and its decoders to InputError; their warnings are not shown.
-
-    Meanwhile, Pillow's global switches have the values that reading relies on, whatever a plugin has set.
-    """
-    try:
-        with warnings.catch_warnings(), _strict_pillow():
-            warnings.simplefilter("ignore")
-            yield
-    except InputError:
-        raise
-    except Image.DecompressionBombError:
-        raise source.too_large() from None
-    except MemoryError as error:
-        raise InputError(
-            f"cannot read the {source}: there is not enough memory to decode it; give a smaller version"
-        ) from error
-    except Exception as error:  # decoders raise whatever damaged data lead to
-        raise source.damaged() from error
+    return whole is not None
 
 
 _SWITCHES: dict[tuple[Any, str], Any] = {
@@ -210,25 +219,36 @@ _SWITCHES: dict[tuple[Any, str], Any] = {
     (PngImagePlugin, "MAX_TEXT_CHUNK"): 1 << 20,
     (PngImagePlugin, "MAX_TEXT_MEMORY"): 64 << 20,
 }
-_SWITCHING = threading.Lock()
-_kept: list[list[Any]] = []  # values of the program, once for each thread that decodes now
+_DECODING = threading.RLock()
 
 
 @contextmanager
-def _strict_pillow() -> Iterator[None]:
-    """Set Pillow's global switches; the last thread that leaves sets them as they were before the first."""
-    with _SWITCHING:
-        _kept.append(_kept[0] if _kept else [getattr(module, name) for module, name in _SWITCHES])
-        for (module, name), value in _SWITCHES.items():
-            setattr(module, name, value)
-    try:
-        yield
-    finally:
-        with _SWITCHING:
-            values = _kept.pop()
-            if not _kept:
-                for (module, name), value in zip(_SWITCHES, values, strict=True):
-                    setattr(module, name, value)
+def wrap_decoding_errors(source: ImageSource) -> Iterator[None]:
+    """Convert errors of Pillow and its decoders to InputError; their warnings are not shown.
+
+    Meanwhile, Pillow's global switches have the values that reading relies on, whatever a plugin has set, and other
+    threads wait.
+    """
+    with _DECODING, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        before = [getattr(module, name) for module, name in _SWITCHES]
+        try:
+            for (module, name), value in _SWITCHES.items():
+                setattr(module, name, value)
+            yield
+        except InputError:
+            raise
+        except Image.DecompressionBombError:
+            raise source.too_large() from None
+        except MemoryError as error:
+            raise InputError(
+                f"cannot read the {source}: there is not enough memory to decode it; give a smaller version"
+            ) from error
+        except Exception as error:  # decoders raise whatever damaged data lead to
+            raise source.damaged() from error
+        finally:
+            for (module, name), value in zip(_SWITCHES, before, strict=True):
+                setattr(module, name, value)
 
 
 def _kind(start: bytes) -> str | None:
@@ -251,3 +271,83 @@ def _register_heif(source: ImageSource) -> None:
             "run `pip install pi-heif`, or convert the photo to JPEG"
         ) from None
     register_heif_opener()
+
+
+def _check_jpeg_data(file: BinaryIO) -> bytes | None:
+    """Raise ValueError if data of the picture are missing or damaged, by decoding it at an eighth of its size.
+
+    libjpeg-turbo, which Pillow uses too, warns where the codes of the picture and its size disagree. Damage that leaves
+    as many codes as before, such as a changed bit, gives no warning. So lost blocks of zeros are looked for, too.
+
+    Args:
+        file: the content of a JPEG file.
+
+    Returns:
+        The content with its end marker, if that alone is missing; else None.
+
+    Raises:
+        ValueError: data are missing, there are more than ``MAX_SCANS`` scans or 400 MB, or the sampling of the colours
+            is of a kind that libjpeg-turbo cannot name.
+    """
+    size = file.seek(0, 2)
+    if size > _MAX_JPEG_BYTES:
+        raise ValueError(f"a JPEG of {size} bytes")
+    data, whole = bytearray(size), None
+    file.seek(0)
+    file.readinto(data)  # type: ignore[attr-defined]
+    tables, scans, end, huffman, sequential = bytearray((0xFF, _SOI)), [], 0, b"", False
+    for marker, start, stop in _segments(data):
+        if marker == _EOI:
+            end = start
+        elif marker == _SOS:
+            scans.append(start)
+        elif not scans and (0xC0 <= marker <= 0xCF or marker in (0xDB, 0xDD)):
+            tables += data[start:stop]
+            sequential |= marker in _SEQUENTIAL
+            if marker == _DHT:
+                huffman += data[start + 4 : stop]
+        if len(scans) > MAX_SCANS:
+            raise ValueError(f"more than {MAX_SCANS} scans")
+    if not scans:
+        raise ValueError("no picture")
+    if not end:
+        data = data.rstrip(b"\xff")  # in the picture itself 0 follows each of these
+        end = len(data)
+        data += bytes((0xFF, _EOI))
+        whole = bytes(data)
+    one_scan = sequential and len(scans) == 1
+    if one_scan and not _zeros_can_be_plain(huffman) and data.find(bytes(_LOST_BLOCK), scans[0], end) >= 0:
+        raise ValueError(f"{_LOST_BLOCK} bytes of zeros in the picture")
+    # The tables alone, right before the picture: harmless oddities of other segments would be the only warning.
+    begin = scans[0] - len(tables)
+    data[begin : scans[0]] = tables
+    try:
+        simplejpeg.decode_jpeg(memoryview(data)[begin:], "GRAY", min_height=1, min_width=1, min_factor=8)
+    except ValueError as error:
+        extra = _EXTRA.fullmatch(str(error))
+        count = int(extra[1]) if extra else size
+        if count > _MAX_PADDING or data[end - count : end].strip(b"\x00\xff"):
+            raise
+    return whole
+
+
+def _zeros_can_be_plain(huffman: bytes) -> bool:
+    """Return whether zeros end each block, as optimised tables of pictures with large plain areas have it."""
+    place = 0
+    while place < len(huffman):  # class and number of a table, 16 counts of codes, and a symbol for each code
+        if huffman[place] >= 0x10 and huffman[place + 17 : place + 18] != b"\x00":
+            return False
+        place += 17 + sum(huffman[place + 1 : place + 17])
+    return True
+
+
+def _segments(data: bytearray) -> Iterator[tuple[int, int, int]]:
+    """Yield marker, start and end of each segment, up to the end of the picture; a scan's ends before its codes."""
+    place = 2
+    while found := _MARKER.search(data, place):
+        marker, place = found[1][0], found.end()
+        if marker not in (_SOI, _EOI, _TEM):  # these have no length
+            place += max(2, int.from_bytes(data[place : place + 2]))
+        yield marker, found.start(), place
+        if marker == _EOI:
+            return

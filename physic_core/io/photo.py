@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import io
 import math
 import os
 from dataclasses import dataclass, replace
@@ -15,14 +13,11 @@ from PIL import Image
 
 from physic_core.errors import InputError
 from physic_core.files.image_file import MAX_PIXELS, ImageSource, decode, open_image, wrap_decoding_errors
-from physic_core.files.jpeg_data import MAX_JPEG_BYTES
 from physic_core.io.exif import EXIF_IFD, ORIENTATION, intrinsics_from_exif, swaps_sides
-from physic_core.io.result_folder import image_digest
+from physic_core.io.result_folder import file_digest, image_digest
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
-    from io import BufferedReader, BytesIO
-
     from physic_core.types import Intrinsics, UInt8Array
 
     PhotoSource = str | os.PathLike[str] | bytes | Image.Image | UInt8Array
@@ -32,9 +27,8 @@ MIN_SIDE = 64
 
 _FOCAL_RANGE = (0.1, 100.0)  # of the long side; wider than any lens, narrower than a slip of the unit
 _KEEP_PIXELS = 24_000_000  # larger photos are read at a half, a third, ... of their size
+_ARRAY = ImageSource("given as an array")
 _PANORAMA_ASPECT = 0.01  # relative deviation from 2:1
-_PANORAMA_SIZE = (512, 256)  # at which its edges are compared, px
-_FLAT = 16  # levels by which a column that shows something varies
 _BAND_PIXELS = 4_000_000  # are converted at once: each conversion takes a copy
 _MAX_EXIF_BYTES = 1 << 20  # Pillow takes up to 50 times as much
 _UPRIGHT = {
@@ -68,63 +62,39 @@ class Photo(ShortRepr):
     digest: str = ""
 
 
-def read_photo(photo: str | os.PathLike[str] | bytes) -> Photo:
-    """Read a photo file as upright 8-bit RGB, with EXIF intrinsics and a note for each conversion.
+def read_photo(photo: PhotoSource) -> Photo:
+    """Read a photo as upright 8-bit RGB, with its digest, EXIF intrinsics and a note for each conversion.
 
     A photo above 24 Mpx is downscaled by an integer factor while reading. JPEG is decoded directly at the smaller size.
 
     Args:
-        photo: path of the file, or its content as bytes.
-
-    Raises:
-        InputError: the file is missing, is not an image, is damaged, or is too small or too large.
-    """
-    source = _source(photo)
-    with open_image(source) as (image, _):
-        return _read(image, source)
-
-
-def read_source(photo: PhotoSource) -> Photo:
-    """Read a photo from a path, the bytes of a file, a PIL image or an array, and compute its digest.
-
-    Args:
-        photo: path or bytes as in :func:`read_photo`; a PIL image of any mode, which is not modified, with its EXIF
+        photo: path of a file, or its content as bytes; a PIL image of any mode, which is not modified, with its EXIF
             data; or an upright uint8 array: (H, W, 3) RGB, or grey (H, W) or (H, W, 1) and RGBA (H, W, 4), which
             are converted like PIL images of these modes.
 
     Raises:
-        InputError: it is of another type, or cannot be used.
+        InputError: it is missing, is not an image, is damaged, of another type, or too small or too large.
     """
     if isinstance(photo, bytes | str | os.PathLike):
-        source = _source(photo)
+        source = (
+            ImageSource(f"of {len(photo):,} bytes", photo)
+            if isinstance(photo, bytes)
+            else ImageSource(str(Path(photo)), path=Path(photo))
+        )
         with open_image(source) as (image, file):
-            digest = _digest(file)  # of the file that is read, even if another one takes its place
+            place = file.tell()
+            file.seek(0)
+            digest = file_digest(file)  # of the file that is read, even if another one takes its place
+            file.seek(place)
             return replace(_read(image, source), digest=digest)
-    elif isinstance(photo, Image.Image):
+    if isinstance(photo, Image.Image):
         found = _read_image(photo)
     elif _is_grey_or_rgba(photo):
-        array = np.ascontiguousarray(photo).reshape(
-            photo.shape[:2] if photo.size == math.prod(photo.shape[:2]) else photo.shape
-        )
-        found = _read(Image.fromarray(array), ImageSource("given as an array"))
+        array = np.ascontiguousarray(photo)
+        found = _read(Image.fromarray(array[..., 0] if array.shape[2:] == (1,) else array), _ARRAY)
     else:
         found = Photo(check_image(photo))
-        _refuse_panorama(found.image, "", ImageSource("given as an array"))
     return replace(found, digest=image_digest(found.image))
-
-
-def _source(photo: str | os.PathLike[str] | bytes) -> ImageSource:
-    if isinstance(photo, bytes):
-        return ImageSource(f"of {len(photo):,} bytes", photo)
-    return ImageSource(str(Path(photo)), path=Path(photo))
-
-
-def _digest(file: BufferedReader | BytesIO) -> str:
-    place = file.tell()
-    file.seek(0)
-    digest = hashlib.file_digest(file, "sha256").hexdigest()
-    file.seek(place)
-    return f"sha256:{digest}"
 
 
 def photo_path_for_messages(photo: object) -> str:
@@ -206,7 +176,7 @@ def check_image(image: Any) -> UInt8Array:
         advice = "scale it to 0-255 and convert it" if image.dtype.kind == "f" else "convert it"
         raise InputError(f"image must be uint8 with values 0-255, got {image.dtype}: {advice}")
     if image.ndim != 3 or image.shape[2] != 3:
-        raise InputError(f"image must be (H, W, 3), got {image.shape}: {_shape_advice(image.shape)}")
+        raise InputError(f"image must be (H, W, 3), got {image.shape}: give one RGB image, channels last")
     if min(image.shape[:2]) < MIN_SIDE:
         raise InputError(
             f"image is {image.shape[1]} x {image.shape[0]} px, but each side needs at least {MIN_SIDE} px: give "
@@ -220,16 +190,6 @@ def _is_grey_or_rgba(image: object) -> bool:
     if not isinstance(image, np.ndarray) or image.dtype != np.uint8 or image.ndim not in (2, 3):
         return False
     return image.ndim == 2 or image.shape[2] in (1, 4)
-
-
-def _shape_advice(shape: tuple[int, ...]) -> str:
-    if len(shape) == 4 and shape[0] == 1:
-        return "drop the batch axis"
-    if len(shape) == 4:
-        return "give one image at a time"
-    if len(shape) == 3 and shape[0] == 3:
-        return "put the channels last"
-    return "give one RGB image"
 
 
 def _read(image: Image.Image, source: ImageSource) -> Photo:
@@ -247,12 +207,7 @@ def _read(image: Image.Image, source: ImageSource) -> Photo:
     factor = math.ceil(math.sqrt(stored[0] * stored[1] / _KEEP_PIXELS))
     if factor > 1:
         image.draft(image.mode, (stored[0] // factor, stored[1] // factor))
-    try:
-        decode(image, source)
-    except InputError:
-        if image.format != "JPEG":
-            raise
-        image = _decode_without_end_marker(image, source)
+    if decode(image, source):
         notes.append("the file's last bytes are missing; the image is complete")
     orientation, tags, exif_note = _exif(image)
     left = factor // max(1, round(max(stored) / max(image.size)))  # what the decoder has not reduced itself
@@ -262,63 +217,18 @@ def _read(image: Image.Image, source: ImageSource) -> Photo:
         rgb = np.array(Image.fromarray(rgb).transpose(_UPRIGHT[orientation]))
         notes.append("rotated upright according to the EXIF orientation")
     notes += conversions
-    _refuse_panorama(rgb, xmp, source)
     height, width = rgb.shape[:2]
+    if "equirectangular" in str(xmp) and abs(width / (2 * height) - 1) < _PANORAMA_ASPECT:
+        raise InputError(
+            f"cannot use the {source}: it is an equirectangular panorama, which no perspective camera took; cut a "
+            "perspective view with the people from it, and give that"
+        )
     if factor > 1:
         notes.append(f"{stored[0] * stored[1] / 1e6:.0f} megapixels were read at {width} x {height} px")
     intrinsics, note = intrinsics_from_exif(tags, stored, width, height, orientation)
     notes += [text for text in (exif_note, note) if text]
     upright = stored[::-1] if swaps_sides(orientation) else stored
     return Photo(rgb, intrinsics, tuple(notes), upright if factor > 1 else None)
-
-
-def _refuse_panorama(image: UInt8Array, xmp: bytes | str, source: ImageSource) -> None:
-    """Refuse an equirectangular image (H, W, 3): 2:1, and so named in XMP data, or its edges continue each other.
-
-    Raises:
-        InputError: it is one.
-    """
-    height, width = image.shape[:2]
-    if abs(width / (2 * height) - 1) > _PANORAMA_ASPECT:
-        return
-    if "equirectangular" not in str(xmp) and not _wraps(image):
-        return
-    raise InputError(
-        f"cannot use the {source}: it is an equirectangular panorama, which no perspective camera took; cut a "
-        "perspective view with the people from it, and give that"
-    )
-
-
-def _wraps(image: UInt8Array) -> bool:
-    """Whether the first and last column of an image (H, W, 3) differ like near columns, and unlike distant ones."""
-    import cv2
-
-    columns = cv2.resize(image, _PANORAMA_SIZE, interpolation=cv2.INTER_AREA).astype(np.int16).swapaxes(0, 1)
-
-    def difference(one: int, other: int) -> float:
-        return float(np.abs(columns[one] - columns[other]).mean())
-
-    seam, near = difference(0, -1), max(difference(0, 2), difference(-1, -3))
-    distant = min(difference(0, 32), difference(-1, -33))
-    flat = min(columns[i].std(0).mean() for i in (0, -1)) < _FLAT
-    return not flat and seam < 2 * near and 2 * seam < distant
-
-
-def _decode_without_end_marker(image: Image.Image, source: ImageSource) -> Image.Image:
-    """Decode a JPEG that lacks only its end marker, at the size of ``image``.
-
-    Raises:
-        InputError: pixels are missing too.
-    """
-    mode, size = image.mode, image.size
-    image.close()  # frees memory
-    with source.open() as file:
-        data = file.read(MAX_JPEG_BYTES).rstrip(b"\xff")  # in the picture itself 0 follows each of these
-    with wrap_decoding_errors(source):
-        completed = Image.open(io.BytesIO(data + b"\xff\xd9"), formats=["JPEG"])
-        completed.draft(mode, size)
-    decode(completed, source)
-    return completed
 
 
 def _frame_notes(image: Image.Image) -> tuple[str, ...]:

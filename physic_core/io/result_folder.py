@@ -15,7 +15,7 @@ import secrets
 from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from io import BufferedReader
+from io import BufferedReader, BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -199,7 +199,7 @@ def same_photo(one: str, other: str) -> bool:
     return one == other or not set(one.split()).isdisjoint(other.split())
 
 
-def file_digest(source: str | os.PathLike[str] | BufferedReader) -> str:
+def file_digest(source: str | os.PathLike[str] | BufferedReader | BytesIO) -> str:
     """Compute the SHA-256 of a file, given by its path or open at its start; "" if it cannot be read."""
     with suppress(OSError, ValueError):
         if not isinstance(source, str | os.PathLike):

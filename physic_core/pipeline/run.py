@@ -16,7 +16,7 @@ from physic_core.configuration.model import as_config
 from physic_core.configuration.resolve import ResolvedPipeline, require_available, resolve, resolve_one
 from physic_core.discovery.plugins import discover
 from physic_core.errors import ConfigError, InputError, PhysicError
-from physic_core.io.photo import Photo, photo_path_for_messages, read_source
+from physic_core.io.photo import Photo, photo_path_for_messages, read_photo
 from physic_core.pipeline.loaded_backends import LoadedBackends, wrap_plugin_errors
 from physic_core.pipeline.memory_limit import limited_memory
 from physic_core.pipeline.prepared_photo import prepare_photo
@@ -196,7 +196,7 @@ class Pipeline:
         camera, plan, name = given.camera(), self._plan_with(settings), photo_path_for_messages(source)
         with self._exclusive(), _naming(name):
             with limited_memory(self.config.run.device):
-                photo = read_source(source)
+                photo = read_photo(source)
             if camera is not None and (camera.width, camera.height) == photo.file_size:
                 camera = camera.resized(*photo.image.shape[1::-1])  # the file was reduced while it was read
             if camera is not None:

@@ -13,16 +13,16 @@ from PIL import Image, ImageFile, PngImagePlugin
 
 from fuzzing.lost_data import KINDS, PHOTO, cut, encoded, picture_start, pixels, zeros
 from physic_core.errors import InputError
-from physic_core.files.jpeg_data import MAX_SCANS
+from physic_core.files.image_file import MAX_SCANS
 from physic_core.io.people_prompt import read_masks
-from physic_core.io.photo import read_photo, read_source
+from physic_core.io.photo import read_photo
 
 JPEGS = [kind for kind, (name, _) in KINDS.items() if name == "JPEG"]
 
 
 def message_of(photo: bytes | Image.Image) -> str:
     with pytest.raises(InputError) as caught:
-        read_source(photo)
+        read_photo(photo)
     return str(caught.value)
 
 

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from physic_core import BackendOutputError, ConfigError, InputError, WeightsMissingError, load_backend
 from physic_core.interfaces import INTERFACES, ContactPrior, MetricDepth, Options
-from physic_core.io.photo import read_source
+from physic_core.io.photo import read_photo
 from physic_core.types import DepthMap, Hints, Intrinsics, People
 from physic_testing.worlds import build_world
 
@@ -111,7 +111,7 @@ def test_a_backend_that_cannot_be_loaded():
 @pytest.mark.parametrize("shape", [(64, 80), (64, 80, 1), (64, 80, 4)])
 def test_grey_and_rgba_arrays_are_converted_as_pil_images(shape: tuple[int, ...]):
     array = np.random.default_rng(0).integers(0, 256, shape, np.uint8)
-    given, image = read_source(array), read_source(Image.fromarray(array.squeeze()))
+    given, image = read_photo(array), read_photo(Image.fromarray(array.squeeze()))
     assert np.array_equal(given.image, image.image)
     assert (given.notes, given.digest) == (image.notes, image.digest)
 

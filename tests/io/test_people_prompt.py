@@ -64,50 +64,22 @@ def test_a_file_that_holds_no_masks_is_refused(tmp_path: Path, pixels: np.ndarra
 
 
 @pytest.mark.parametrize(
-    ("prompt", "message"),
+    ("prompt", "words"),
     [
-        (
-            PeoplePrompt(),
-            "no person is chosen: give at least one point, box or mask, or omit the prompt for all people",
-        ),
-        (
-            PeoplePrompt(points=((3, 3), (40, 3))),
-            "point 2 (40, 3) lies outside the upright photo of 40 x 30 px: give x, y in its px",
-        ),
-        (
-            PeoplePrompt(points=((1, float("nan")),)),
-            "a point needs x, y in px: give 2 finite numbers (got (1, nan))",
-        ),
-        (
-            PeoplePrompt(boxes=((9, 2, 3, 8),)),
-            "box 1 (9, 2, 3, 8) is empty: give x0, y0, x1, y1 with x0 < x1 and y0 < y1",
-        ),
-        (
-            PeoplePrompt(boxes=((40, 2, 50, 8),)),
-            "box 1 (40, 2, 50, 8) lies outside the upright photo of 40 x 30 px: give x0, y0, x1, y1 in its px",
-        ),
-        (
-            PeoplePrompt(masks=np.ones((1, 40, 30), bool)),
-            "the masks have 30 x 40 px, but the upright photo has 40 x 30 px: give masks of the photo's size",
-        ),
-        (
-            PeoplePrompt(masks=np.ones((2, 30, 40), bool)),
-            "masks of two people overlap: assign each pixel to at most one person",
-        ),
-        (
-            PeoplePrompt(masks=np.zeros((1, 30, 40), bool)),
-            "mask 1 has no pixels: omit it, or mark the person's pixels",
-        ),
-        (
-            PeoplePrompt(masks=np.ones((30, 40), np.uint8)),
-            "masks of people must be (M, H, W) bool, got (30, 40) uint8: convert them",
-        ),
+        (PeoplePrompt(), "no person is chosen"),
+        (PeoplePrompt(points=((3, 3), (40, 3))), r"point 2 \(40, 3\) lies outside"),
+        (PeoplePrompt(points=((1, float("nan")),)), r"finite numbers \(got \(1, nan\)\)"),
+        (PeoplePrompt(boxes=((9, 2, 3, 8),)), r"box 1 \(9, 2, 3, 8\) is empty"),
+        (PeoplePrompt(boxes=((40, 2, 50, 8),)), r"box 1 \(40, 2, 50, 8\) lies outside"),
+        (PeoplePrompt(masks=np.ones((1, 40, 30), bool)), "masks have 30 x 40 px"),
+        (PeoplePrompt(masks=np.ones((2, 30, 40), bool)), "overlap"),
+        (PeoplePrompt(masks=np.zeros((1, 30, 40), bool)), "mask 1 has no pixels"),
+        (PeoplePrompt(masks=np.ones((30, 40), np.uint8)), r"\(30, 40\) uint8"),
     ],
 )
-def test_a_choice_that_cannot_be_meant_is_refused(prompt: PeoplePrompt, message: str) -> None:
-    with pytest.raises(InputError) as error:
+def test_a_choice_that_cannot_be_meant_is_refused(prompt: PeoplePrompt, words: str) -> None:
+    with pytest.raises(InputError, match=words):
         check_prompt(prompt, 40, 30)
-    assert str(error.value) == message
 
 
 def test_prompts_follow_the_size_of_the_image() -> None:
@@ -125,6 +97,5 @@ def test_prompts_follow_the_size_of_the_image() -> None:
 def test_a_mask_that_vanishes_when_the_photo_is_reduced_is_reported() -> None:
     mask = np.zeros((1, 30, 40), bool)
     mask[0, 29, 39] = True
-    with pytest.raises(InputError) as error:
+    with pytest.raises(InputError, match="mask 1 has no pixels at 8 x 6 px"):
         resize_prompt(PeoplePrompt(masks=mask), (40, 30), (8, 6))
-    assert str(error.value) == "mask 1 has no pixels at 8 x 6 px: enlarge it, or raise photo.max_side"

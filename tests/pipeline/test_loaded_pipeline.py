@@ -25,7 +25,7 @@ from physic_core import (
     reconstruct,
 )
 from physic_core.interfaces import MetricDepth
-from physic_core.io.photo import read_source
+from physic_core.io.photo import read_photo
 from physic_core.types import CheckResult, DepthMap, People
 from physic_mock import backends
 from physic_testing.worlds import World
@@ -104,7 +104,7 @@ def test_a_load_that_failed_is_tried_again(world: World, events: Counter[str]):
 def test_every_kind_of_photo_gives_the_same_result(photo: Path, world: World, result: Reconstruction):
     image = Image.open(photo)
     read = {"path": photo, "text": str(photo), "bytes": photo.read_bytes(), "PIL": image, "array": world.image}
-    photos = {kind: read_source(one) for kind, one in read.items()}
+    photos = {kind: read_photo(one) for kind, one in read.items()}
     assert all(np.array_equal(one.image, world.image) for one in photos.values())
     digests = {kind: one.digest for kind, one in photos.items()}
     assert digests["path"] == digests["text"] == digests["bytes"]

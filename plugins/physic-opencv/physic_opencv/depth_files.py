@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.errors import InputError
-from physic_core.files.image_file import MAX_DECODING_BYTES, ImageSource, decode, open_image
+from physic_core.files.image_file import ImageSource, decode, open_image
 from physic_core.files.npz import read_arrays, read_names
 from physic_core.files.regular import open_regular
 from physic_opencv.phone_depth import HEIC_SUFFIXES, read_phone_depth
@@ -25,7 +25,7 @@ _OPENCV_EXR = "OPENCV_IO_ENABLE_OPENEXR"
 _EXR = b"\x76\x2f\x31\x01"
 _EXR_HEADER = 1 << 20  # a usual one has 400 bytes
 _EXR_VALUE_BYTES = 4  # of OpenCV, for every kind of channel
-_MAX_BYTES = MAX_DECODING_BYTES
+_MAX_BYTES = 1_300_000_000  # of a map in memory
 _GREY = ("L", "I", "F", "I;16", "I;16L", "I;16B")
 _ASPECT_TOLERANCE = 0.01  # of the aspect ratio: one pixel of rounding in a map 100 px high
 

@@ -125,9 +125,9 @@ def _read(photos: tuple[Path, ...]) -> tuple[list[tuple[int, int]], set[str]]:
     Raises:
         InputError: a photo cannot be read, which is known before the first one is reconstructed.
     """
-    from physic_core.io.photo import read_source
+    from physic_core.io.photo import read_photo
 
-    found = [read_source(path) for path in photos]
+    found = [read_photo(path) for path in photos]
     sizes = [photo.file_size or (photo.image.shape[1], photo.image.shape[0]) for photo in found]
     return sizes, {part for photo in found for part in photo.digest.split()}
 

@@ -18,7 +18,7 @@ from fuzzing import lost_data
 from fuzzing.target import Target
 from physic_core.errors import InputError
 from physic_core.io.people_prompt import read_masks
-from physic_core.io.photo import MIN_SIDE, read_source
+from physic_core.io.photo import MIN_SIDE, read_photo
 
 WIDTH, HEIGHT = 72, 65
 MAX_WRONG_SHARE = 0.005
@@ -97,7 +97,7 @@ def attack(data: bytes, folder: Path) -> None:
     path = folder / "photo"
     path.write_bytes(data)
     with silent(folder):
-        photo = refused(path, read_source)
+        photo = refused(path, read_photo)
         masks = refused(path, read_masks)
     if photo is not None:
         assert photo.image.dtype == np.uint8
@@ -132,7 +132,7 @@ def attack_twin(data: bytes, folder: Path) -> None:
     kind, _, content = data.partition(b"\n")
     path = folder / "photo"
     path.write_bytes(content)
-    if (photo := refused(path, read_source)) is not None:
+    if (photo := refused(path, read_photo)) is not None:
         share = lost_data.wrong_share(kind.decode(), photo.image)
         assert share <= MAX_WRONG_SHARE, f"{share:.2%} of the pixels are wrong"
 
