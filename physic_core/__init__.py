@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from physic_core.discovery.plugins import discover
     from physic_core.discovery.records import BackendRecord, CommandRecord, ExporterRecord
     from physic_core.discovery.registry import Registry
-    from physic_core.io.report_file import save_report
+    from physic_core.io.extra_files import save_report
     from physic_core.io.results import load_people, load_reconstruction, save_reconstruction
     from physic_core.pipeline.loaded_backends import load_backend
     from physic_core.pipeline.run import Pipeline, reconstruct
@@ -102,7 +102,7 @@ _NAMES = {
     "physic_core.discovery.plugins": "discover",
     "physic_core.discovery.records": "BackendRecord CommandRecord ExporterRecord",
     "physic_core.discovery.registry": "Registry",
-    "physic_core.io.report_file": "save_report",
+    "physic_core.io.extra_files": "save_report",
     "physic_core.io.results": "load_people load_reconstruction save_reconstruction",
     "physic_core.pipeline.loaded_backends": "load_backend",
     "physic_core.pipeline.run": "Pipeline reconstruct",

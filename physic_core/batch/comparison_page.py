@@ -9,7 +9,7 @@ from statistics import median
 from typing import TYPE_CHECKING
 
 from physic_core.batch.thumbnails import thumbnail_jpeg
-from physic_core.files.own import MARK
+from physic_core.files.atomic import MARK
 
 if TYPE_CHECKING:
     from pathlib import Path

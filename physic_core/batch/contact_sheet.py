@@ -17,8 +17,7 @@ from physic_core.batch.journal import last_rows
 from physic_core.batch.photos import photo_folder
 from physic_core.batch.thumbnails import thumbnail_path
 from physic_core.errors import InputError, PhysicError
-from physic_core.files.atomic import atomic_write, check_writable
-from physic_core.files.own import check_own
+from physic_core.files.atomic import atomic_write, check_own, check_writable
 from physic_core.io.result_folder import ARRAYS_FILE, DOCUMENT_FILE, PREVIEW_FILE, REPORT_FILE
 from physic_core.io.result_record import read_record
 from physic_core.io.results import read_image

@@ -21,11 +21,10 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from physic_core.errors import OutputError, PackageMissingError
-from physic_core.files.atomic import atomic_write
-from physic_core.files.csv_rows import as_utf8, write_csv
-from physic_core.files.own import MARK, check_own, foreign_file, open_to_append
+from physic_core.files.atomic import MARK, atomic_write, check_own, foreign_file, open_to_append
 from physic_core.files.strict_json import from_json, parse_json, to_json
-from physic_core.io.people_table import PEOPLE_MARK
+from physic_core.files.text import as_utf8, write_csv
+from physic_core.io.extra_files import PEOPLE_MARK
 from physic_core.io.result_folder import PEOPLE_TABLE
 from physic_core.types.person_rows import PERSON_COLUMNS
 
@@ -46,13 +45,16 @@ COLUMNS: Mapping[str, str] = {
     "save": "what was saved: pictures, numbers, people or none",
     "folder": "of the results, relative to the output folder; empty without files",
     "files": "names and sizes of the files, such as reconstruction.npz=2048 thumbnail=512",
-    "result": "SHA-256 of the arrays; empty without files",
+    "result": "run that wrote the files, as they state it; empty without files",
     "version": "of physic-core",
     "grade": "of the result: good, doubtful or bad",
     "checks_failed": "names of the failed self-checks, separated by spaces",
     "peak_mb": "largest resident memory of the process so far, MB; empty if the photo failed",
 }
 """Columns of every row; rows of finished photos also have the numbers of ``Reconstruction.summary``."""
+
+THUMBNAIL = "thumbnail"
+"""Name of the thumbnail in the column ``files``."""
 
 PEOPLE_COLUMN = "people_rows"
 """Entry of a finished photo with a row for each person, from which ``people.csv`` is written; no table has it."""
@@ -257,7 +259,7 @@ def write_table(out: Path, kind: str) -> Path:
     """Write ``summary.parquet`` or ``summary.csv``, one row for each photo, and return its path.
 
     Columns are those of the journal, then the numbers of the results, which are empty for failed photos. Texts of a CSV
-    file are those of :func:`physic_core.files.csv_rows.write_csv`.
+    file are those of :func:`physic_core.files.text.write_csv`.
 
     Raises:
         ConfigError: pyarrow is not installed.

@@ -18,7 +18,7 @@ from urllib.parse import quote
 from physic_core.batch.journal import import_pyarrow
 from physic_core.errors import ConfigError, InputError
 from physic_core.files.image_file import IMAGE_SUFFIXES
-from physic_core.files.quoting import printable, quoted, shorten
+from physic_core.files.text import printable, quoted, shorten
 from physic_core.io.result_folder import DOCUMENT_FILE
 
 _PHOTO_SUFFIXES = frozenset(suffix for suffixes in IMAGE_SUFFIXES.values() for suffix in suffixes)

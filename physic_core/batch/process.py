@@ -15,10 +15,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from physic_core.batch.journal import PEOPLE_COLUMN
+from physic_core.batch.journal import COLUMNS, PEOPLE_COLUMN, THUMBNAIL
 from physic_core.batch.machine import peak_memory_mb
 from physic_core.batch.photos import PhotoItem, photo_folder
-from physic_core.batch.result_files import file_sizes_text, result_digest
 from physic_core.batch.settings import batch_config, config_digest, settings_digest
 from physic_core.batch.thumbnails import write_thumbnail
 from physic_core.configuration.model import as_config
@@ -26,6 +25,7 @@ from physic_core.configuration.resolve import require_available, resolve
 from physic_core.discovery.plugins import core_version, discover
 from physic_core.errors import ConfigError, OutputError
 from physic_core.files.atomic import check_writable
+from physic_core.io.result_folder import file_digest, run_of_result
 from physic_core.io.results import SAVE, save_reconstruction
 from physic_core.types.person_rows import person_rows
 
@@ -99,8 +99,7 @@ class PhotoProcessor:
         start, item, config = time.perf_counter(), item.stamped(), {"config": self.job.digest(item)}
         try:
             result = self._reconstruct(item.path, item.settings)
-            self._save(result, item)
-            files = file_sizes_text(Path(self.job.out), photo_folder(item.id), thumbnails=self.job.thumbnails)
+            files = self._save(result, item)
         except Exception as error:  # whatever a photo causes costs this photo alone
             if isinstance(error, OutputError) and isinstance(error.__cause__, OSError):
                 raise  # of the disk, which concerns every photo
@@ -122,12 +121,16 @@ class PhotoProcessor:
             PEOPLE_COLUMN: person_rows(result),
         }
 
-    def _save(self, result: Reconstruction, item: PhotoItem) -> None:
+    def _save(self, result: Reconstruction, item: PhotoItem) -> str:
+        """Write the files of a photo, and return the column ``files`` of its row."""
         out, folder = Path(self.job.out), photo_folder(item.id)
+        sizes = {}
         if self.job.save != "none":
-            save_reconstruction(result, out / folder, self.job.save, overwrite=True, earlier=item.replaces)
+            paths = save_reconstruction(result, out / folder, self.job.save, overwrite=True, earlier=item.replaces)
+            sizes = {path.name: path.stat().st_size for path in paths}
         if self.job.thumbnails:
-            write_thumbnail(result, out, folder)
+            sizes[THUMBNAIL] = write_thumbnail(result, out, folder).stat().st_size
+        return " ".join(f"{name}={size}" for name, size in sizes.items())
 
 
 def failed_row(
@@ -143,8 +146,6 @@ def failed_row(
         seconds: spent on it.
         attempts: how often it was tried.
     """
-    from physic_core.io.result_folder import file_digest
-
     return base_row(job, item) | {
         "state": "failed",
         "error": error,
@@ -159,26 +160,18 @@ def failed_row(
 def base_row(job: BatchJob, item: PhotoItem) -> dict[str, Any]:
     """Return a row with the columns that do not depend on the result, and empty ones for the others."""
     size, modified = item.stamp or (None, None)
-    return {
+    return dict.fromkeys(COLUMNS, "") | {
         "id": item.id,
         "path": item.path,
-        "state": "",
-        "error": "",
-        "message": "",
         "seconds": 0.0,
         "attempts": 1,
         "finished": datetime.now(UTC).isoformat(timespec="milliseconds"),
-        "photo": "",
         "bytes": size,
         "modified": modified,
         "config": job.digest(item),
         "save": job.save,
-        "folder": "",
-        "files": "",
-        "result": result_digest(Path(job.out, photo_folder(item.id))) if job.save != "none" else "",
+        "result": run_of_result(Path(job.out, photo_folder(item.id))) if job.save != "none" else "",
         "version": core_version(),
-        "grade": "",
-        "checks_failed": "",
         "peak_mb": None,
     }
 

@@ -10,13 +10,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from physic_core.batch.journal import Journal, read_journals
+from physic_core.batch.journal import THUMBNAIL, Journal, read_journals
 from physic_core.batch.photos import PhotoItem, photo_folder
 from physic_core.batch.process import BatchJob, PhotoProcessor, failed_row
-from physic_core.batch.result_files import is_complete, sizes_of_files
 from physic_core.batch.workers import WorkerSettings, run_in_workers
 from physic_core.files.atomic import check_writable
-from physic_core.io.result_folder import file_digest
+from physic_core.io.result_folder import ARRAYS_FILE, file_digest, run_of_result
 
 Executor = Callable[[Iterable[PhotoItem], BatchJob], Generator[dict[str, Any], None, None]]
 """Reconstructs photos and yields one row for each, in any order; columns are those of the journal.
@@ -75,7 +74,7 @@ def plan_batch(items: Iterable[PhotoItem], job: BatchJob, *, retry_failed: bool 
             todo.append(item)
             count["changed"] += 1
         elif not _has_its_files(row, item, job):
-            todo.append(replace(item, replaces=tuple(sizes_of_files(row))))
+            todo.append(replace(item, replaces=tuple(_sizes(row))))
             count["lost"] += 1
         elif row["state"] == "failed" and retry_failed:
             todo.append(item)
@@ -152,8 +151,25 @@ def _is_current(row: Mapping[str, Any], item: PhotoItem, job: BatchJob) -> bool:
 
 
 def _has_its_files(row: Mapping[str, Any], item: PhotoItem, job: BatchJob) -> bool:
+    """Whether a photo has the result that its row states, with all its files.
+
+    Pictures and the document may be edited; arrays have their size. The thumbnail does not count.
+    """
     if job.save == "none":
         return True
+    folder, sizes = Path(job.out, photo_folder(item.id)), _sizes(row)
     if row["state"] == "done" and not row.get("result"):
         return False
-    return is_complete(Path(job.out, photo_folder(item.id)), row)
+    if run_of_result(folder) != row.get("result"):  # after a kill before the row: those of a later run
+        return False
+    try:
+        found = {name: (folder / name).lstat().st_size for name in sizes}
+    except OSError:
+        return False
+    return found.get(ARRAYS_FILE) == sizes.get(ARRAYS_FILE)
+
+
+def _sizes(row: Mapping[str, Any]) -> dict[str, int]:
+    """Return name -> bytes of the files in a photo's folder that its row of the journal states."""
+    pairs = (text.rpartition("=") for text in str(row.get("files", "")).split())
+    return {name: int(size) for name, _, size in pairs if name != THUMBNAIL}

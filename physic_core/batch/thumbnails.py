@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from physic_core.files.own import MARK, write_own
+from physic_core.files.atomic import MARK, write_own
 
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction
@@ -23,8 +23,8 @@ def thumbnail_path(folder: str) -> str:
     return f"thumbnails/{folder.removeprefix('photos/')}.jpg"
 
 
-def write_thumbnail(result: Reconstruction, out: Path, folder: str) -> None:
-    """Write the thumbnail of a photo as one small JPEG of 180 px height.
+def write_thumbnail(result: Reconstruction, out: Path, folder: str) -> Path:
+    """Write the thumbnail of a photo as one small JPEG of 180 px height, and return its path.
 
     Args:
         result: of the photo.
@@ -34,7 +34,7 @@ def write_thumbnail(result: Reconstruction, out: Path, folder: str) -> None:
     Raises:
         OutputError: it cannot be written.
     """
-    write_own(out / thumbnail_path(folder), thumbnail_jpeg(result, _HEIGHT))
+    return write_own(out / thumbnail_path(folder), thumbnail_jpeg(result, _HEIGHT))
 
 
 def thumbnail_jpeg(result: Reconstruction, height: int) -> bytes:

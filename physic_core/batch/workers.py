@@ -27,7 +27,7 @@ from typing import Any, Generic, Literal, TypeVar
 from physic_core import errors
 from physic_core.batch.machine import peak_memory_mb
 from physic_core.errors import BackendError, OutputError, PhysicError
-from physic_core.files.own import MARK, check_own, open_to_append, write_own
+from physic_core.files.atomic import MARK, check_own, open_to_append, write_own
 
 Task = TypeVar("Task")
 

@@ -15,7 +15,7 @@ from physic_core.cli.exit_codes import INTERRUPTED, MEANINGS, OTHER, exit_code
 from physic_core.cli.groups import ExtensibleGroup
 from physic_core.cli.output import echo, open_missing_streams, printed_logs
 from physic_core.errors import PhysicError
-from physic_core.files.quoting import shorten
+from physic_core.files.text import shorten
 
 __all__ = ["main"]
 
@@ -84,11 +84,11 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 _COMMANDS = {
     "batch": ("physic_core.cli.batch:batch", "Reconstruct many photos in several processes; can resume."),
     "cache": ("physic_core.cli.cache:cache", "Show or clear the cache."),
-    "compare": ("physic_core.cli.compare:compare", "Compare two results, or two folders of results, person by person."),
+    "compare": ("physic_core.cli.results:compare", "Compare two results, or two folders of results, person by person."),
     "config": ("physic_core.cli.config:config", "Check, show or create a configuration."),
     "export": ("physic_core.cli.export:export", "Export a result to Blender, Unity, MuJoCo, USD, MeshLab, ..."),
     "plugins": ("physic_core.cli.plugins:plugins", "List installed backends; show or test them; create a plugin."),
-    "report": ("physic_core.cli.report:report", "Write a result as a page for a browser."),
+    "report": ("physic_core.cli.results:report", "Write a result as a page for a browser."),
     "run": ("physic_core.cli.run:run", "Reconstruct people, scene and contact from PHOTO."),
     "show": ("physic_core.cli.result_summary:show_result", "Print the people, grade and warnings of a saved result."),
     "weights": ("physic_core.cli.weights:weights", "List, download and verify the weights that plugins need."),

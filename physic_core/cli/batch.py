@@ -12,7 +12,7 @@ import click
 
 from physic_core.cli.arguments import configuration_options
 from physic_core.cli.output import echo
-from physic_core.files.quoting import printable
+from physic_core.files.text import printable
 
 if TYPE_CHECKING:
     from physic_core.batch.process import BatchJob

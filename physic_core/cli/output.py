@@ -1,16 +1,17 @@
-"""Printing for all commands: untrusted text must not control the terminal."""
+"""What commands print, where untrusted text must not control the terminal; their progress, and their output folder."""
 
 from __future__ import annotations
 
 import logging
 import os
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
 
 import click
 
-from physic_core.files.quoting import printable
+from physic_core.files.text import printable
 
 
 def echo(text: object, *, nl: bool = True, err: bool = False) -> None:
@@ -74,3 +75,100 @@ def format_table(rows: Sequence[tuple[str, ...]]) -> str:
     """Format rows of text as a table with aligned columns."""
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]) - 1)]
     return "\n".join("  ".join([*(f"{t:<{w}}" for t, w in zip(row, widths, strict=False)), row[-1]]) for row in rows)
+
+
+@contextmanager
+def collect_plugin_messages() -> Iterator[list[tuple[str, str]]]:
+    """Yield a list of the distinct INFO log messages of packages named ``physic_*``.
+
+    Each is a pair: what runs the network, as the attribute ``network_runtime`` of the record says ("CPU, onnxruntime
+    1.20"), or "" for a message about something else; and the message.
+    """
+    messages: list[tuple[str, str]] = []
+
+    class Listener(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            message = (getattr(record, "network_runtime", ""), record.getMessage())
+            if record.name.startswith("physic_") and record.levelno == logging.INFO and message not in messages:
+                messages.append(message)
+
+    root, listener = logging.getLogger(), Listener(logging.INFO)
+    level = root.level
+    root.addHandler(listener)
+    root.setLevel(min(level, logging.INFO))
+    try:
+        yield messages
+    finally:
+        root.removeHandler(listener)
+        root.setLevel(level)
+
+
+def print_messages(messages: Sequence[tuple[str, str]], verbose: bool) -> None:
+    """Print one line about the networks to stderr, or with ``verbose`` all messages."""
+    runtimes = ", ".join(dict.fromkeys(runtime for runtime, _ in messages if runtime))
+    if verbose:
+        for _, text in messages:
+            echo(text, err=True)
+    elif runtimes:
+        echo(f"networks: {runtimes}", err=True)
+
+
+@contextmanager
+def show_progress(quiet: bool = False) -> Iterator[Callable[[str, int, int], None]]:
+    """Yield a progress callback: a bar on a terminal, otherwise one line for each stage; on stderr."""
+    if quiet:
+        yield lambda name, done, total: None
+        return
+    if not sys.stderr.isatty():
+        yield lambda name, done, total: echo(f"[{done + 1}/{total}] {name}", err=True)
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description:<24}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("starting", total=None)
+
+        def show(name: str, done: int, total: int) -> None:
+            bar.update(task, description=name, completed=done, total=total)
+
+        yield show
+
+
+@contextmanager
+def reserve_folder(
+    folder: Path, photo: str, *, overwrite: bool, beside: Sequence[str] = (), made: Sequence[Path] = ()
+) -> Iterator[None]:
+    """Create a folder for a result, and check that it can be written; after an error, new empty folders are deleted.
+
+    Args:
+        folder: of the result.
+        photo: digests of its photo, or of all photos; "" if the photo cannot be read, which the run reports.
+        overwrite: whether the result of another photo may be replaced.
+        beside: names of files that only this command adds to a result.
+        made: folders that were created for this command, the first one above the others.
+
+    Raises:
+        OutputError: the folder cannot be written, or user data would be lost.
+    """
+    from physic_core.files.atomic import check_writable
+    from physic_core.io.result_folder import FILES, Replaced, check_overwrite
+
+    parts = [*reversed(folder.absolute().parents), folder.absolute()]
+    new = [*made, *(part for part in parts if not os.path.exists(part))]  # Path.exists raises PermissionError
+    try:
+        if photo:
+            check_overwrite(folder, Replaced(photo, overwrite), [*FILES, *beside])
+        check_writable(folder)
+        yield
+    except BaseException:
+        for created in reversed(new):
+            with suppress(OSError):  # it is not empty
+                created.rmdir()
+        raise

@@ -15,9 +15,7 @@ from typing import Any
 import click
 
 from physic_core.cli.arguments import AnyPath, configuration_options, one_photo
-from physic_core.cli.output import echo
-from physic_core.cli.output_folder import reserve_folder
-from physic_core.cli.run_messages import collect_plugin_messages, print_messages, show_progress
+from physic_core.cli.output import collect_plugin_messages, echo, print_messages, reserve_folder, show_progress
 
 
 class _Numbers(click.ParamType[Any]):
@@ -159,14 +157,14 @@ def run(
 
         with collect_plugin_messages() as messages, show_progress(quiet) as progress:
             result = reconstruct(photo, plan, progress=progress)
-        from physic_core.io.people_table import people_csv
+        from physic_core.io.extra_files import people_csv
         from physic_core.io.result_folder import PEOPLE_TABLE
         from physic_core.io.results import save_reconstruction
 
         beside = {PEOPLE_TABLE: people_csv(result, photo.name)}
         save_reconstruction(result, folder, save, overwrite=overwrite, beside=beside)
         if report:
-            from physic_core.io.report_file import add_report
+            from physic_core.io.extra_files import add_report
 
             add_report(folder, result, photo.name)
     if quiet:

@@ -17,8 +17,8 @@ from typing import Any
 from physic_core.discovery.close_names import did_you_mean
 from physic_core.discovery.local_modules import with_folder
 from physic_core.errors import ConfigError
-from physic_core.files.quoting import quoted
 from physic_core.files.strict_json import from_json, parse_json
+from physic_core.files.text import quoted
 from physic_core.interfaces import INTERFACES
 
 SettingsLayer = tuple[str, Mapping[str, Any]]

@@ -39,7 +39,7 @@ from physic_core.configuration.layers import (
 from physic_core.configuration.problems import Problem, config_error, problems_from_pydantic
 from physic_core.engine.settings import EngineSettings, with_overrides
 from physic_core.errors import ConfigError
-from physic_core.files.quoting import quoted
+from physic_core.files.text import quoted
 from physic_core.interfaces import INTERFACES
 from physic_core.types import KnownLength, KnownSizes
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from physic_core.discovery.close_names import did_you_mean
 from physic_core.errors import ConfigError
-from physic_core.files.quoting import quoted
+from physic_core.files.text import quoted
 
 if TYPE_CHECKING:
     from pydantic import BaseModel, ValidationError

@@ -28,7 +28,7 @@ from physic_core.errors import (
     PhysicError,
     WeightsMissingError,
 )
-from physic_core.files.quoting import quoted
+from physic_core.files.text import quoted
 from physic_core.interfaces import INTERFACES
 from physic_core.types import Provenance
 

@@ -1,7 +1,10 @@
-"""Writes of files of a folder: each file appears completely or not at all, also if the process is killed.
+"""Writes and reads of files: each file appears completely or not at all, also if the process is killed.
 
 New files are written under temporary names and renamed at the end. A folder is locked while it is written, where its
 file system has locks. What a process that was killed has left there is deleted by the next write with a lock.
+
+PhySIC replaces a file outside a result's folder only if it carries its mark, and never opens one through a link to
+write. Files to read are regular ones: reading a pipe would wait for ever.
 """
 
 from __future__ import annotations
@@ -10,13 +13,20 @@ import errno
 import os
 import re
 import secrets
+import stat
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from io import BufferedReader
 from pathlib import Path
+from typing import BinaryIO
 
 from physic_core.errors import OutputError
 
+MARK = "Written by PhySIC. The same command replaces this file."
+"""Text in a file by which PhySIC knows later that it may replace the file."""
+
+_END_BYTES = 1 << 16  # a page has the mark at its start, and a Parquet table at its end
 # As no other program names its files.
 _PART = re.compile(r"\.(?:.+\.)?[0-9a-f]{8}\.physic-part", re.DOTALL)
 
@@ -144,3 +154,94 @@ def _refusal(folder: Path, error: OSError) -> OutputError:
     return OutputError(
         f"cannot write results to {folder}: {why}; name another folder{_REMEDY.get(error.errno or 0, '')}"
     )
+
+
+def check_own(*paths: Path, mark: str = MARK) -> None:
+    """Check that no file of the user would be replaced; call it before anything is computed.
+
+    Args:
+        paths: of the files that will be written.
+        mark: text that the first or last 64 kB of these files contain, in UTF-8.
+
+    Raises:
+        OutputError: one of them exists, and is not a regular file with the mark; a link counts as a file of the user.
+    """
+    for path in paths:
+        try:
+            is_own = stat.S_ISREG(os.lstat(path).st_mode) and mark.encode() in _both_ends(path)
+        except FileNotFoundError:
+            continue
+        except OSError as error:
+            raise OutputError(f"cannot write {path}: {error.strerror}; name another folder") from error
+        if not is_own:
+            raise foreign_file(path)
+
+
+def write_own(path: Path, content: bytes, mark: str = MARK) -> Path:
+    """Write a file that carries the mark, completely or not at all; an earlier one is replaced.
+
+    Raises:
+        OutputError: it cannot be written, or a file of the user is there.
+    """
+    check_own(path, mark=mark)
+    with atomic_write(check_writable(path.parent)) as temporary:
+        temporary(path.name).write_bytes(content)
+    return path
+
+
+def foreign_file(path: Path) -> OutputError:
+    """Return the error that says that a path is of the user."""
+    return OutputError(
+        f"cannot write {path}: a file that PhySIC did not write, or a link, is there; move it away, or name another "
+        "folder"
+    )
+
+
+def open_to_append(path: Path) -> BinaryIO:
+    """Open a file for reading and appending; it is created if missing.
+
+    Raises:
+        OSError: it is a link, or cannot be opened.
+    """
+
+    def opener(name: str, flags: int) -> int:
+        return os.open(name, flags | getattr(os, "O_NOFOLLOW", 0), 0o666)
+
+    if path.is_symlink():  # where O_NOFOLLOW is missing
+        raise OSError(None, "it is a link; move it away", str(path))
+    return open(path, "ab+", opener=opener)
+
+
+def _both_ends(path: Path) -> bytes:
+    with path.open("rb") as file:
+        start = file.read(_END_BYTES)
+        file.seek(max(file.tell(), file.seek(0, os.SEEK_END) - _END_BYTES))
+        return start + file.read()
+
+
+def open_regular(path: Path) -> BufferedReader:
+    """Open a regular file, or a link to one, for reading.
+
+    Raises:
+        OSError: the file is missing, is not a regular file, or cannot be read.
+    """
+    if not stat.S_ISREG(path.stat().st_mode):
+        raise OSError(errno.EINVAL, "not a regular file", str(path))
+    return path.open("rb")
+
+
+def read_regular(path: Path, limit: int) -> bytes:
+    """Read a regular file, or a link to one.
+
+    Args:
+        path: of the file.
+        limit: largest size, bytes.
+
+    Raises:
+        OSError: the file is missing, is not a regular file, is larger than the limit, or cannot be read.
+    """
+    with open_regular(path) as file:
+        size = os.fstat(file.fileno()).st_size
+        if size > limit:
+            raise OSError(errno.EFBIG, f"it has {size:,} bytes, more than {limit:,}", str(path))
+        return file.read(size)

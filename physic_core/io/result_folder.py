@@ -11,6 +11,7 @@ import hashlib
 import itertools
 import json
 import os
+import re
 import secrets
 from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
@@ -20,8 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import OutputError
-from physic_core.files.atomic import AtomicWrite, atomic_write, check_writable
-from physic_core.files.regular import read_regular
+from physic_core.files.atomic import AtomicWrite, atomic_write, check_writable, open_regular, read_regular
 from physic_core.files.strict_json import parse_json
 
 if TYPE_CHECKING:
@@ -36,6 +36,8 @@ REPORT_FILE = "report.html"
 PEOPLE_TABLE = "people.csv"
 MAX_DOCUMENT_BYTES = 64 << 20
 FILES = (DOCUMENT_FILE, ARRAYS_FILE, PREVIEW_FILE, GLB_FILE, REPORT_FILE, PEOPLE_TABLE)
+_RUN = re.compile(rb'\{\s*"schema": "physic-reconstruction",\s*"schema_version": \d+,\s*"run": "(\w+)"')
+_END_BYTES = 1000
 _PARTS = f".{DOCUMENT_FILE}.*.physic-document"
 
 
@@ -189,9 +191,15 @@ def photo_identity_of_result(folder: str | os.PathLike[str]) -> str | None:
     return None if document is None else str(document.get("photo", ""))
 
 
-def digests_of_result(folder: str | os.PathLike[str]) -> dict[str, str]:
-    """Read the digests of the files of a result; none if there is no result."""
-    return _files(_document(Path(folder, DOCUMENT_FILE)) or {})
+def run_of_result(folder: str | os.PathLike[str]) -> str:
+    """Read which run wrote the result in a folder, from both ends of its document; "" if it is missing or cut off."""
+    try:
+        with open_regular(Path(folder, DOCUMENT_FILE)) as file:
+            found = _RUN.match(file.read(_END_BYTES))
+            file.seek(max(0, file.seek(0, os.SEEK_END) - _END_BYTES))
+            return found[1].decode() if found and file.read().rstrip().endswith(b"}") else ""
+    except OSError:
+        return ""
 
 
 def same_photo(one: str, other: str) -> bool:

@@ -21,9 +21,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.errors import ConfigError, InputError
+from physic_core.files.atomic import open_regular, read_regular
 from physic_core.files.npz import MAX_ARRAY_BYTES, read_arrays, read_names, write_arrays
 from physic_core.files.plain import Arrays, join, split
-from physic_core.files.regular import open_regular, read_regular
 from physic_core.files.strict_json import parse_json, to_json
 from physic_core.geometry.upright import gltf_from_camera
 from physic_core.io.result_folder import (

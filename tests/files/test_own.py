@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from physic_core.errors import OutputError
-from physic_core.files.own import MARK, check_own, open_to_append
+from physic_core.files.atomic import MARK, check_own, open_to_append
 
 LONG = "x" * 1_000_000
 

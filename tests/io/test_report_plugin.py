@@ -11,21 +11,16 @@ from click.testing import CliRunner, Result
 from physic_core import InputError, save_reconstruction
 from physic_core.cli import main
 from physic_core.errors import PackageMissingError, PluginError
-from physic_core.io.report_file import add_report
+from physic_core.io.extra_files import add_report
 from physic_core.visual.report import PAGE_MARK, report_html
 
 PAGE = "def page(result, title):\n    {body}\n"
 PLAIN = f"return '{PAGE_MARK}<h1>' + title + '</h1>' + str(result)"
-HIDDEN = "physic-mock"
-MISSING = (
-    f"report.html is made by physic-viewer, which is not installed, or hidden by PHYSIC_PLUGINS='{HIDDEN}': "
-    "`pip install -e plugins/physic-viewer` in a checkout of PhySIC"
-)
 
 
 @pytest.fixture
 def hidden(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PHYSIC_PLUGINS", HIDDEN)
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
 
 
 @pytest.fixture
@@ -47,18 +42,12 @@ def physic(*arguments: object) -> Result:
 @pytest.mark.usefixtures("hidden")
 def test_without_a_plugin_each_way_to_a_page_names_it(make: Any, folder: Path):
     result = make(people=0)
-    ways = (
-        lambda: report_html(result),
-        lambda: result.report("a.html"),
-        lambda: add_report(folder),
-    )
-    for way in ways:
-        with pytest.raises(PackageMissingError) as error:
+    for way in (lambda: report_html(result), lambda: result.report("a.html"), lambda: add_report(folder)):
+        with pytest.raises(PackageMissingError, match="physic-viewer, which is not installed, or hidden"):
             way()
-        assert str(error.value) == MISSING
     for arguments in ((folder,), (folder, "-o", "a.html"), ("--each", folder.parent)):
         done = physic("report", *arguments)
-        assert (done.exit_code, done.stdout, done.stderr) == (4, "", f"Error: {MISSING}\n")
+        assert (done.exit_code, done.stdout, "physic-viewer" in done.stderr) == (4, "", True)
     assert sorted(path.name for path in folder.iterdir()) == ["reconstruction.json", "reconstruction.npz"]
 
 
@@ -82,27 +71,18 @@ def test_the_page_of_another_plugin_is_written(folder: Path, site: Any, monkeypa
 
 
 @pytest.mark.parametrize(
-    ("body", "message"),
+    ("body", "words"),
     [
-        (
-            "return None",
-            f"the page 'plain' of physic-page 1.0 should be a text with {PAGE_MARK} in its first 500 bytes, "
-            "got 'None' (NoneType)",
-        ),
-        (
-            f"return 500 * ' ' + '{PAGE_MARK}'",
-            f"the page 'plain' of physic-page 1.0 should be a text with {PAGE_MARK} in its first 500 bytes, "
-            f"got {60 * ' '!r} (str)",
-        ),
-        ("return title / 2", "the page 'plain' of physic-page 1.0 fails: TypeError: unsupported operand type(s) for /"),
+        ("return None", "in its first 500 bytes, got 'None'"),
+        (f"return 500 * ' ' + '{PAGE_MARK}'", "in its first 500 bytes, got"),
+        ("return title / 2", "fails: TypeError"),
     ],
     ids=["no text", "no generator", "fails"],
 )
 def test_a_page_that_breaks_the_contract_is_refused(
-    make: Any, site: Any, monkeypatch: pytest.MonkeyPatch, body: str, message: str
+    make: Any, site: Any, monkeypatch: pytest.MonkeyPatch, body: str, words: str
 ):
     install(site, body)
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-page")
-    with pytest.raises(PluginError) as error:
+    with pytest.raises(PluginError, match=f"'plain' of physic-page 1.0 .*{words}"):
         report_html(make(people=0))
-    assert str(error.value).startswith(message)

@@ -94,13 +94,6 @@ def test_numbers_that_are_not_finite_survive(tmp_path, reconstruction):
     assert np.isnan(after.vertices).all()
 
 
-def test_numpy_numbers_and_paths_of_diagnostics_become_json(tmp_path, reconstruction):
-    numbers = {"a": np.float32(0.5), "b": np.arange(3), "c": (1, 2), "d": Path("x/y"), "e": {3: np.bool_(True)}}
-    save_reconstruction(replace(reconstruction, diagnostics=numbers), tmp_path, "numbers")
-    expected = {"a": 0.5, "b": [0, 1, 2], "c": [1, 2], "d": "x/y", "e": {"3": True}}
-    assert document_of(tmp_path)["diagnostics"] == load_reconstruction(tmp_path).diagnostics == expected
-
-
 # --- what lies in the folder ------------------------------------------------------------------------------------------
 
 FILES = {
@@ -112,10 +105,13 @@ FILES = {
 
 @pytest.mark.parametrize("save", FILES)
 def test_the_files_of_a_result(tmp_path, reconstruction, save):
+    save_reconstruction(reconstruction, tmp_path)
+    (tmp_path / "notes.txt").write_text("mine")
     for _ in range(2):
         paths = save_reconstruction(reconstruction, tmp_path, save, beside={"a.txt": b"a"})
         names = {path.name for path in paths}
-        assert names == {path.name for path in tmp_path.iterdir()} == FILES[save] | {"a.txt"}
+        assert names == FILES[save] | {"a.txt"}
+        assert {path.name for path in tmp_path.iterdir()} == names | {"notes.txt"}
 
 
 def test_a_word_that_names_no_files_is_refused(tmp_path, reconstruction):
@@ -173,13 +169,6 @@ def test_the_arrays_of_people_can_be_read_alone(tmp_path, reconstruction):
 # --- a folder that was used before ------------------------------------------------------------------------------------
 
 
-def test_a_smaller_result_leaves_nothing_of_a_larger_one(tmp_path, make):
-    save_reconstruction(make(people=2), tmp_path)
-    (tmp_path / "notes.txt").write_text("mine")
-    save_reconstruction(make(people=1), tmp_path, "numbers")
-    assert {path.name for path in tmp_path.iterdir()} == {"notes.txt", *FILES["numbers"]}
-
-
 def test_a_failing_write_leaves_the_former_result(tmp_path, make, monkeypatch, assert_same):
     save_reconstruction(make(people=1), tmp_path)
     before, write = load_reconstruction(tmp_path), Path.write_bytes
@@ -233,13 +222,10 @@ def folder(saved: Path, tmp_path: Path) -> Path:
 
 
 def test_a_folder_without_a_result(tmp_path):
-    assert "there is no such file; name the folder of a finished run" in message_of(tmp_path)
-
-
-@pytest.mark.parametrize("content", [b"[]", b"{}", b'{"schema": "other"}', b'{"schema": '])
-def test_a_file_that_is_no_document_is_refused(tmp_path, content):
-    (tmp_path / "reconstruction.json").write_bytes(content)
-    message_of(tmp_path)
+    assert "there is no such file" in message_of(tmp_path)
+    for content in (b"[]", b"{}", b'{"schema": "other"}', b'{"schema": '):
+        (tmp_path / "reconstruction.json").write_bytes(content)
+        message_of(tmp_path)
 
 
 FX = '"fx": 128.0'
@@ -253,7 +239,6 @@ FX = '"fx": 128.0'
         ('"grade": "bad"', '"grade": "fine"', "fine"),
         (FX, '"fx": NaN', "NaN"),
         (FX, '"fx": 1e999', "1e999"),
-        (FX, f'{FX}, "fx": 1', "fx"),
         (FX, '"fx": ' + 900 * "[" + 900 * "]", "nested"),
         (FX, '"fx": ' + 100_000 * "[", "nested"),
         (FX, '"fx": ' + 5000 * "1", "digits"),
@@ -261,7 +246,7 @@ FX = '"fx": 128.0'
         ('"height": 120', '"height": 121', "image"),
         ('"run": "', '"run": "x', "another run"),
     ],
-    ids=["version", "kind", "grade", "nan", "infinite", "twice", "nested", "deep", "digits", "missing", "size", "run"],
+    ids=["version", "kind", "grade", "nan", "infinite", "nested", "deep", "digits", "missing", "size", "run"],
 )  # fmt: skip
 def test_values_that_do_not_belong(folder, before, after, word):
     path = folder / "reconstruction.json"
@@ -278,13 +263,6 @@ def test_an_edited_document_is_read_and_replaced_as_the_runs_own(folder, reconst
     save_reconstruction(reconstruction, folder, "numbers")
     assert load_reconstruction(folder).scene.floor.offset == 1.4
     assert {path.name for path in folder.iterdir()} == FILES["numbers"]
-
-
-def test_arrays_of_another_run_are_refused(folder, make, tmp_path_factory):
-    other = tmp_path_factory.mktemp("other")
-    save_reconstruction(make(people=1), other, "numbers")
-    (folder / "reconstruction.npz").write_bytes((other / "reconstruction.npz").read_bytes())
-    assert "another run" in message_of(folder)
 
 
 def change_arrays(folder: Path, change: Callable[[dict[str, Any]], Any]) -> None:

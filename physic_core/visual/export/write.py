@@ -15,8 +15,7 @@ from physic_core.discovery.exporters import find_exporter
 from physic_core.discovery.installed import Installed, call_target
 from physic_core.discovery.records import ExporterRecord
 from physic_core.errors import InputError, OutputError, PluginError
-from physic_core.files.atomic import atomic_write, check_writable
-from physic_core.files.regular import open_regular
+from physic_core.files.atomic import atomic_write, check_writable, open_regular
 from physic_core.types.exports import Exported, ExportedFiles
 from physic_core.visual.export.request import ExportRequest, export_frame
 

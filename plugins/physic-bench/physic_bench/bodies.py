@@ -13,8 +13,8 @@ import numpy as np
 from physic_bench.damage import DamagedFrameError, as_numbers, require_finite
 from physic_core.body.joints import JOINT_NAMES, ROTATION_FIELDS
 from physic_core.errors import InputError
+from physic_core.files.atomic import open_regular
 from physic_core.files.npz import read_arrays
-from physic_core.files.regular import open_regular
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

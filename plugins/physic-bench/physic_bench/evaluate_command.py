@@ -174,8 +174,7 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
     from physic_bench.carry import Carrier
     from physic_bench.output import check_output, write_evaluation
     from physic_bench.run import evaluate_methods, require_any_truth
-    from physic_core.files.atomic import check_writable
-    from physic_core.files.own import MARK
+    from physic_core.files.atomic import MARK, check_writable
 
     bodies = BodyFiles(given.smplx, given.smpl)
     check_writable(given.out)

@@ -30,7 +30,7 @@ def check_output(out: Path) -> None:
         OutputError: the folder has a file with a name of the evaluation that PhySIC has not written.
     """
     from physic_core.batch.journal import check_journal
-    from physic_core.files.own import check_own
+    from physic_core.files.atomic import check_own
 
     check_own(*(out / name for name in _TABLES))
     check_own(*out.glob("worst/*/[0-9][0-9]-*.jpg"))
@@ -44,8 +44,7 @@ def write_evaluation(evaluation: Evaluation, out: Path, settings: Mapping[str, A
         OutputError: the folder cannot be written, or has files of the user with these names.
     """
     from physic_bench.previews import write_previews
-    from physic_core.files.atomic import atomic_write, check_writable
-    from physic_core.files.own import MARK
+    from physic_core.files.atomic import MARK, atomic_write, check_writable
 
     check_output(out)
     names = [method.name for method in evaluation.methods]

@@ -42,8 +42,7 @@ def write_previews(evaluation: Evaluation, folder: Path) -> list[Path]:
 
     People without a body come first, then the largest MPJPE, or MPVPE without joints.
     """
-    from physic_core.files.atomic import atomic_write, check_writable
-    from physic_core.files.own import MARK
+    from physic_core.files.atomic import MARK, atomic_write, check_writable
 
     frames = {frame.id: frame for frame in evaluation.frames}
     written = []

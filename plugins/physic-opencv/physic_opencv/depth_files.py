@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.errors import InputError
+from physic_core.files.atomic import open_regular
 from physic_core.files.image_file import ImageSource, decode, open_image
 from physic_core.files.npz import read_arrays, read_names
-from physic_core.files.regular import open_regular
 from physic_opencv.phone_depth import HEIC_SUFFIXES, read_phone_depth
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, PositiveInt, TypeAdapter, Val
 from scipy.spatial.transform import Rotation
 
 from physic_core.errors import InputError
-from physic_core.files.regular import read_regular
+from physic_core.files.atomic import read_regular
 from physic_core.types import CameraTrust, Intrinsics, Lens
 from physic_core.types.short_repr import ShortRepr
 

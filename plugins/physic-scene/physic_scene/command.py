@@ -63,8 +63,7 @@ def scene(
     start = time.monotonic()
     statures = _numbers(stature, "--stature") if stature is not None else ()
     from physic_core import KnownSizes, load_config
-    from physic_core.cli.output import echo
-    from physic_core.cli.output_folder import reserve_folder
+    from physic_core.cli.output import echo, reserve_folder
     from physic_core.cli.result_summary import print_summary
     from physic_core.errors import InputError
     from physic_scene.calibration import read_calibration

@@ -9,7 +9,7 @@ import numpy as np
 
 from physic_core import save_reconstruction
 from physic_core.files.strict_json import to_json
-from physic_core.io.people_table import people_csv
+from physic_core.io.extra_files import people_csv
 from physic_scene.picture import photos_png
 
 if TYPE_CHECKING:

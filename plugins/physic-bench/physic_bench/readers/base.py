@@ -14,8 +14,8 @@ from physic_bench.bodies import BodyFiles, PosedBody
 from physic_bench.contract import PredictedPerson
 from physic_bench.damage import DamagedFrameError, as_numbers, damaged_file_error, naming, require_finite
 from physic_bench.validation import check_prediction
+from physic_core.files.atomic import open_regular
 from physic_core.files.npz import read_arrays
-from physic_core.files.regular import open_regular
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

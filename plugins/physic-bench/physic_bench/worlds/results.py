@@ -16,8 +16,7 @@ from physic_bench.worlds.support_scores import SUPPORT_METRICS
 from physic_bench.worlds.table_rows import FULL, TRIAL
 from physic_bench.worlds.tables import accuracy_tables, as_markdown, as_text, trial_table
 from physic_bench.worlds.world_evidence import source_hash
-from physic_core.files.atomic import atomic_write
-from physic_core.files.own import MARK, check_own
+from physic_core.files.atomic import MARK, atomic_write, check_own
 from physic_core.files.strict_json import to_json
 from physic_core.metrics import DRAWS
 

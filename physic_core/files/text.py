@@ -1,4 +1,4 @@
-"""Write rows as CSV that no spreadsheet takes for formulas."""
+"""Text of others in messages, and in CSV files: no terminal obeys it, and no spreadsheet takes it for a formula."""
 
 from __future__ import annotations
 
@@ -8,6 +8,24 @@ from typing import Any, TextIO
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
 """With which a text begins that a spreadsheet computes; the last four have full width, for Japanese and Chinese."""
+
+
+def quoted(value: Any) -> str:
+    """Return the ``repr`` of a value, shortened to 200 characters."""
+    return shorten(repr(value), 200)
+
+
+def shorten(text: str, limit: int) -> str:
+    """Return a text with its middle omitted if it has more than ``limit`` characters."""
+    if len(text) <= limit:
+        return text
+    end = limit // 3
+    return f"{text[: limit - end - 5]} ... {text[-end:]}"
+
+
+def printable(text: str) -> str:
+    """Escape characters that a terminal obeys or cannot print; newlines and tabs are kept."""
+    return "".join(c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode("ascii") for c in text)
 
 
 def write_csv(file: TextIO, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:

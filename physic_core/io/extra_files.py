@@ -1,18 +1,37 @@
-"""Write ``report.html``: to a file, or to the folder of a result."""
+"""Files beside a result: ``people.csv``, a row for each person, and ``report.html``, a page for a browser."""
 
 from __future__ import annotations
 
+import io
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from physic_core.errors import InputError
-from physic_core.files.own import check_own, write_own
+from physic_core.files.atomic import check_own, write_own
+from physic_core.files.text import write_csv
 from physic_core.io.result_folder import DOCUMENT_FILE, REPORT_FILE, add_result_file
+from physic_core.types.person_rows import PERSON_COLUMNS, person_rows
 from physic_core.visual.report import PAGE_MARK, report_html
 
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction
+
+
+PEOPLE_MARK = ",".join(PERSON_COLUMNS)
+"""First line of the table, by which PhySIC recognises its own files: CSV has no comments."""
+
+
+def people_csv(result: Reconstruction, photo: str) -> bytes:
+    """Return the table of one result.
+
+    Args:
+        result: with any number of people.
+        photo: its name.
+    """
+    text = io.StringIO(newline="")
+    write_csv(text, list(PERSON_COLUMNS), ({"photo": photo, **row} for row in person_rows(result)))
+    return text.getvalue().encode()
 
 
 def save_report(reconstruction: Reconstruction, path: str | os.PathLike[str], title: str = "") -> Path:

@@ -1,4 +1,4 @@
-"""The command ``physic report``: pages of saved results that open in a browser without a network."""
+"""The commands ``physic compare``, of two results or folders of results, and ``physic report``, their pages."""
 
 from __future__ import annotations
 
@@ -7,10 +7,62 @@ from typing import TYPE_CHECKING
 
 import click
 
-from physic_core.cli.output import echo
+from physic_core.cli.output import echo, echo_json, format_table
 
 if TYPE_CHECKING:
     from physic_core.errors import PhysicError
+
+
+@click.command()
+@click.argument("a", metavar="A", type=click.Path(path_type=Path))
+@click.argument("b", metavar="B", type=click.Path(path_type=Path))
+@click.option("--json", "as_json", is_flag=True, help="Print one object as JSON.")
+@click.option(
+    "--html", "page", type=click.Path(path_type=Path), metavar="FILE", help="Also write a page with the pictures."
+)
+def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
+    """Compare the results in folders A and B, or all results of the same photos in them.
+
+    People are matched by their masks. Joints is the mean distance of the joints from pelvis to wrists; pose is the same
+    with both pelvises in one place.
+    """
+    from physic_core.batch.comparison import compare_results, pair_results
+    from physic_core.batch.comparison_page import HEAD, comparison_page, picture_pair, summary_lines, table_rows
+    from physic_core.errors import InputError
+    from physic_core.files.atomic import check_own, write_own
+    from physic_core.files.plain import split
+    from physic_core.io.results import load_reconstruction
+
+    if page is not None:
+        check_own(page)
+    paired = pair_results(a, b)
+    photos, pictures, failed = [], [], None
+    for pair in paired.both:
+        try:
+            results = [load_reconstruction(folder) for folder in pair]
+            photos.append(compare_results(pair[0].resolve().name, results[0], results[1]))
+        except InputError as error:
+            if failed is not None:
+                echo(f"Error: {failed}", err=True)
+            failed = error
+        else:
+            if page is not None:
+                pictures.append(picture_pair(results[0], results[1]))
+    lines = summary_lines(photos, paired.only)
+    if as_json:
+        only = {f"only_{name}": list(map(str, folders)) for name, folders in zip("ab", paired.only, strict=True)}
+        echo_json({"a": str(a), "b": str(b), "photos": split(photos, {}), **only})
+    else:
+        echo(f"A: {a}\nB: {b}")
+        rows = [row for photo in photos for row in table_rows(photo)]
+        echo(format_table([HEAD, *rows]))
+        echo("\n".join(lines))
+    if page is not None:
+        echo(
+            f"wrote {write_own(page, comparison_page(photos, pictures, (str(a), str(b)), lines).encode())}", err=as_json
+        )
+    if failed is not None:
+        raise failed
 
 
 @click.command()
@@ -26,7 +78,7 @@ def report(results: tuple[Path, ...], out: Path | None, title: str, each: bool) 
     if (out is not None or title) and len(results) > 1:
         raise click.UsageError(f"{'--out' if out is not None else '--title'} needs one result, got {len(results)}")
     from physic_core.errors import InputError, OutputError
-    from physic_core.io.report_file import is_result
+    from physic_core.io.extra_files import is_result
     from physic_core.visual.report import require_report
 
     if out is not None or each or any(map(is_result, results)):
@@ -44,7 +96,7 @@ def report(results: tuple[Path, ...], out: Path | None, title: str, each: bool) 
 
 
 def _write(folder: Path, out: Path | None, title: str, each: bool) -> None:
-    from physic_core.io.report_file import add_report, is_result, save_report
+    from physic_core.io.extra_files import add_report, is_result, save_report
 
     if out is not None:
         from physic_core.io.results import load_reconstruction
@@ -60,7 +112,7 @@ def _write_index(folder: Path, each: bool) -> None:
     """Write the contact sheet of a folder of results, and with ``each`` the page of every result."""
     from physic_core.batch.contact_sheet import check_contact_sheet, find_results, write_contact_sheet
     from physic_core.errors import InputError
-    from physic_core.io.report_file import add_report
+    from physic_core.io.extra_files import add_report
 
     found = find_results(folder)
     check_contact_sheet(folder)
