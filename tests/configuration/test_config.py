@@ -64,12 +64,6 @@ def test_options_stay_with_a_backend_whichever_way_it_is_named(backend: str, opt
     assert config.relative_pointmap.options == options
 
 
-def test_a_file_builds_on_the_default_preset_without_saying_so(write):
-    config = load_config(write("[photo]\nmax_side = 800\n"))
-    assert config.photo.max_side == 800
-    assert config.segmenter.backend == "physic-embedded:embedded"
-
-
 def test_a_file_may_extend_another_beside_it(write):
     write('extends = "mock"\n[photo]\nmax_side = 700\n', "base/base.toml")
     config = load_config(write('extends = "base/base.toml"\n[photo]\nmask_growth = 0.01\n'))
@@ -93,7 +87,6 @@ def test_later_layers_win_and_each_value_knows_its_source(write):
         ('inpainter.backend="my fill"', "my fill"),
         ("inpainter.backend=my_pkg.fill:Fill", "my_pkg.fill:Fill"),
         ("inpainter = {backend = 'telea'}", "telea"),
-        ("inpainter.backend=te lea", "te lea"),
     ],
 )
 def test_an_override_is_toml_and_a_bare_word_is_a_text(override: str, expected: str):
@@ -129,16 +122,11 @@ def test_a_config_accepts_every_preset_of_the_engine(preset):
 
 
 def test_engine_overrides_reach_the_settings():
-    config = load_config(overrides=["engine.preset=paper", "engine.scene.far_m=20", "engine.scene.floor=off"])
-    settings = config.engine.settings()
-    assert (settings.scene.far_m, settings.scene.floor) == (20.0, "off")
+    changes = ["scene.floor=off", "joint.frozen=['root']", "placement.robust_m=inf", "joint.optimiser.steps=40"]
+    settings = load_config(overrides=["engine.preset=paper", *(f"engine.{one}" for one in changes)]).engine.settings()
     assert type(settings.scene) is type(engine_preset("paper").scene)
-    strict = load_config(
-        overrides=["engine.joint.frozen=['root']", "engine.placement.robust_m=inf", "engine.joint.optimiser.steps=40"]
-    )
-    joint = strict.engine.settings().joint
-    assert (joint.frozen, joint.optimiser.steps) == (("root",), 40)
-    assert strict.engine.settings().placement.robust_m == float("inf")
+    assert (settings.scene.floor, settings.placement.robust_m) == ("off", float("inf"))
+    assert (settings.joint.frozen, settings.joint.optimiser.steps) == (("root",), 40)
 
 
 def test_python_callers_may_pass_a_config_a_preset_a_file_tables_or_nothing(write):
@@ -228,23 +216,16 @@ def test_every_fault_is_a_line_with_source_path_and_suggestion(write):
     [
         ("photo.max_side=12.5", "photo.max_side", "integer"),
         ("photo.focal_px=-1", "photo.focal_px", "greater than or equal to 1"),
-        ("photo.focal_px=9oo", "photo.focal_px", "'9oo'"),
-        ("photo.intrinsics=[9, 9, inf, 4]", "photo.intrinsics.2", "1000000"),
         ("photo.intrinsics=[1, 2, 3]", "photo.intrinsics.3", "missing"),
         ("photo={focal_px=9, intrinsics=[9, 9, 4, 4]}", "photo", "both focal_px and intrinsics"),
         ("photo.distortion=[0, 0, 0, 0, 0]", "photo", "distortion without intrinsics"),
         ("inpainter=telea", "inpainter", "'telea'"),
-        ("inpainter.backend=''", "inpainter.backend", "at least 1 character"),
         ("inpainter.option.x=1", "inpainter.option", "Did you mean 'options'?"),
-        ("inpainter.options=1", "inpainter.options", "dictionary"),
-        ("body_model.name=smplx", "body_model.name", "'embedded'"),
         ("run.device=gpu", "run.device", "cuda"),
         ("engine.preset=papr", "engine.preset", "paper"),
         ("engine.scen.floor=off", "engine.scen", "Did you mean 'scene'?"),
-        ("engine.scene.far_m=deep", "engine.scene.far_m", "number"),
         ("engine.scene.carve_m=nan", "engine.scene.carve_m", "nan"),
         ("engine.joint.optimiser.refresh_steps=0", "engine.joint.optimiser.refresh_steps", "equal to 1"),
-        ("engine.contact.people=1", "engine.contact.people", "boolean"),
     ],
 )
 def test_an_invalid_value_is_named_with_its_path_and_what_it_should_be(override: str, path: str, word: str):
@@ -287,8 +268,3 @@ def test_infinite_settings_are_kept(write):
 @pytest.mark.parametrize("text", ["inpainter", "=3", "a b=3", "a..b=3"])
 def test_an_override_without_a_key_and_a_value_is_refused(text: str):
     assert "inpainter.backend" in refusal(overrides=[text])
-
-
-def test_what_is_no_config_is_refused():
-    with pytest.raises(ConfigError, match="got 3"):
-        as_config(3)  # type: ignore[arg-type]

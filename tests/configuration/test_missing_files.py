@@ -141,12 +141,6 @@ def test_a_file_of_another_size_is_remarked_once_and_stops_nothing(heavy: Path):
     assert done.stdout.count("model.onnx: it has 3 bytes instead of 140852051") == 1
 
 
-def test_the_doctor_calls_it_missing_and_loads_nothing(heavy: Path):
-    done = physic("plugins", "doctor", "heavy")
-    assert done.exit_code == 0
-    assert f"missing  metric_depth 'heavy' (physic-heavy 1.0): {NET}\n" in done.stdout
-
-
 NAMED = PLUGIN.replace('needs=("weights",)', 'needs=("weights",), weights=("net",)')
 
 
@@ -180,7 +174,6 @@ def saying(answer: object) -> type[interfaces.Backend]:
     [
         (RuntimeError("no disk"), "RuntimeError: no disk"),
         (SystemExit(2), "SystemExit: 2"),
-        (None, "must return a tuple of texts, got None"),
         ("model.onnx", "must return a tuple of texts, got 'model.onnx'"),
         (BackendError("this weight manifest is invalid"), "this weight manifest is invalid"),
     ],

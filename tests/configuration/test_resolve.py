@@ -9,7 +9,7 @@ from physic_core import interfaces
 from physic_core.configuration.model import Config, load_config
 from physic_core.configuration.resolve import check_backends, resolve
 from physic_core.discovery.plugins import discover
-from physic_core.discovery.registry import BackendRecord, BrokenPlugin, Origin, Registry
+from physic_core.discovery.registry import BackendRecord, Origin, Registry
 from physic_core.errors import BackendError, ConfigError, PhysicError
 from physic_core.interfaces import INTERFACES
 
@@ -78,17 +78,6 @@ def test_faults_of_names_and_options_are_reported_together():
         assert word in line
 
 
-def test_a_missing_backend_beside_a_broken_plugin_keeps_the_cause():
-    cause = ImportError("no such thing")
-    own = Registry(
-        registry(), [BrokenPlugin(Origin("c", "physic-c", "1.0"), "ImportError: no such thing", cause)], installed=False
-    )
-    with pytest.raises(ConfigError, match="physic-c") as caught:
-        check_backends(config(segmenter={"backend": "other"}), own)
-    assert caught.value.__cause__ is not None
-    assert caught.value.__cause__.__cause__ is cause
-
-
 def test_two_claims_to_the_chosen_name_are_one_of_the_faults():
     own = registry()
     own.register(BackendRecord("inpainter", "own", backend("inpainter"), api=1), Origin("b", "physic-b", "2.0"))
@@ -149,12 +138,3 @@ def test_a_class_that_lacks_a_method_is_refused():
     kind = type("Own", (interfaces.Inpainter,), {})
     message = refusal(config(), registry(inpainter=kind), BackendError)
     assert "has no method infer" in message
-
-
-def test_the_example_swaps_the_inpainter_alone(repository):
-    pipeline = resolve(load_config(repository / "examples" / "telea.toml"), discover())
-    chosen = {name: r.provenance.backend for name, r in pipeline.backends.items()}
-    assert chosen.pop("inpainter") == "telea"
-    assert set(chosen.values()) == {"embedded"}
-    flag = resolve(load_config(overrides=["inpainter.backend=telea"]), discover())
-    assert pipeline.backends["inpainter"].provenance == flag.backends["inpainter"].provenance
