@@ -93,6 +93,12 @@ def other(embedded: BodyModel) -> OtherBody:
 
 
 @pytest.fixture(scope="session")
+def smaller(embedded: BodyModel) -> OtherBody:
+    """The same in a mesh of 6890 vertices."""
+    return make(embedded, 6890)
+
+
+@pytest.fixture(scope="session")
 def other_model(other: OtherBody) -> BodyModel:
     """The same as a model named "smplx"."""
     return build_body_model(

@@ -15,6 +15,8 @@ from scipy.sparse import coo_matrix, csr_matrix
 
 from physic_core.body import JOINT_INDEX, JOINT_NAMES, PARENTS
 from physic_core.body.model import BodyModel
+from physic_core.body.parameters import rotations_from_parameters
+from physic_core.types import BodyParameters
 
 SHIFTS_MM = {
     "pelvis": (0, 30, 0),
@@ -154,3 +156,16 @@ def smpl_file_arrays(body: OtherBody) -> dict[str, Any]:
         "weights": weights,
         "kintree_table": np.stack([parents, np.arange(24)]).astype(np.uint32),
     }
+
+
+def posed(model: BodyModel, parameters: BodyParameters) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and joints of bodies, by the model itself, float64."""
+    given = (torch.from_numpy(np.array(getattr(parameters, name))) for name in ("betas", "transl", "expression"))
+    with torch.no_grad():
+        out = model(rotations_from_parameters(parameters, dtype=model.dtype), *(one.to(model.dtype) for one in given))
+    return out.vertices.double().numpy(), out.joints.double().numpy()
+
+
+def mm(first: np.ndarray, second: np.ndarray) -> float:
+    """Mean distance of points, given in metres."""
+    return 1000 * float(np.linalg.norm(first - second, axis=-1).mean())

@@ -32,8 +32,7 @@ def body(seed: int = 0, bend: float = 0.4) -> BodyParameters:
     rotvecs = bend * rng.standard_normal((1, 55, 3))
     rotvecs[:, WRISTS] *= 0.3
     shape, place = rng.standard_normal((1, MODEL.num_betas)), rng.standard_normal((1, 3))
-    numbers = (torch.from_numpy(value) for value in (shape, place))
-    betas, transl = numbers
+    betas, transl = (torch.from_numpy(value) for value in (shape, place))
     return parameters_from_rotations(torch.from_numpy(rotvec_to_rotmat_numpy(rotvecs)), betas, None, transl)
 
 
@@ -107,7 +106,7 @@ def test_pronation_is_shared_by_forearm_and_wrist(side: int) -> None:
 ROTVEC = arrays(np.float64, (1, 2, 3), elements=st.floats(-2.0, 2.0, width=32))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12)
 @given(ROTVEC, st.integers(0, 50))
 def test_nothing_jumps_on_the_way_and_the_wrist_stays(wrists: np.ndarray, seed: int) -> None:
     before = body(seed)
@@ -127,7 +126,7 @@ def test_nothing_jumps_on_the_way_and_the_wrist_stays(wrists: np.ndarray, seed: 
         last = after.vertices
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(ROTVEC, st.integers(0, 50))
 def test_a_wrist_stays_in_its_range(wrists: np.ndarray, seed: int) -> None:
     before = body(seed)
@@ -139,39 +138,6 @@ def test_a_wrist_stays_in_its_range(wrists: np.ndarray, seed: int) -> None:
     highs = np.concatenate([high, [[high[0, 0], -low[0, 1], -low[0, 2]]]]) + 0.16
     assert (rotmat_to_rotvec(last) >= np.minimum(lows, rotmat_to_rotvec(first)) - 1e-5).all()
     assert (rotmat_to_rotvec(last) <= np.maximum(highs, rotmat_to_rotvec(first)) + 1e-5).all()
-
-
-@settings(max_examples=50, deadline=None)
-@given(ROTVEC, st.integers(0, 20))
-def test_left_and_right_are_mirror_images(wrists: np.ndarray, seed: int) -> None:
-    def mirrored(vectors: np.ndarray) -> np.ndarray:
-        """Rotation vectors (..., 3) seen in a mirror in front of which x changes its sign."""
-        return vectors * [1, -1, -1]
-
-    # The same body, both of its arms in mirror images of one another.
-    base = body(seed)
-    pose = base.body_pose.reshape(1, 21, 3).copy()
-    pose[:, [2, 5, 8, 11, 14]] *= [1, 0, 0]
-    for left in ("hip", "knee", "ankle", "foot", "collar", "shoulder", "elbow", "wrist"):
-        a, b = JOINT_INDEX[f"left_{left}"] - 1, JOINT_INDEX[f"right_{left}"] - 1
-        pose[:, b] = mirrored(pose[:, a])
-    right = mirrored(base.left_hand_pose.reshape(1, 15, 3)).reshape(1, 45).astype(np.float32)
-    root = (base.global_orient * [1, 0, 0]).astype(np.float32)
-    even = replace(
-        base,
-        betas=0 * base.betas,
-        body_pose=pose.reshape(1, 63).astype(np.float32),
-        right_hand_pose=right,
-        global_orient=root,
-    )
-    both = np.stack([wrists[:, 0], mirrored(wrists[:, 0])], 1)
-    after = attach_hands(even, hands_of(even, both, 0.8), MODEL, RANGE).body_pose.reshape(1, 21, 3)
-    for name in ("elbow", "wrist"):
-        left, other = (
-            rotvec_to_rotmat_numpy(after[:, JOINT_INDEX[f"{side}_{name}"] - 1].astype(float))
-            for side in ("left", "right")
-        )
-        np.testing.assert_allclose(rotvec_to_rotmat_numpy(mirrored(rotmat_to_rotvec(left))), other, atol=3e-5)
 
 
 def test_fingers_come_along_as_far_as_the_hand_is_trusted() -> None:

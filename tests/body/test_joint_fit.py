@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 from numpy.typing import NDArray
+from other_body import mm
 
 from physic_core.body import JOINT_INDEX, JOINT_NAMES, load_body
 from physic_core.body.bones import BoneOffsets, fit_shape, rotations_from_parents, rotations_from_tpose
@@ -32,10 +33,6 @@ def posed(model: BodyModel, fit: BodyFit) -> tuple[Array, Array]:
     with torch.no_grad():
         out = model(*given)
     return out.vertices.double().numpy(), out.joints.double().numpy()
-
-
-def mm(first: Array, second: Array) -> float:
-    return 1000 * float(np.linalg.norm(first - second, axis=-1).mean())
 
 
 def test_bones_pose_as_the_model_does(embedded64: BodyModel, people: People) -> None:

@@ -149,9 +149,7 @@ def test_gradients_of_posing_are_those_of_finite_differences(embedded64: BodyMod
     ("name", "shape", "wanted"),
     [
         ("rotations", (1, 24, 3, 3), "(1, 55, 3, 3)"),
-        ("betas", (1, 10), "(1, 16)"),
         ("betas", (2, 16), "(1, 16)"),
-        ("transl", (3,), "(1, 3)"),
         ("expression", (1, 10), "(1, 0)"),
     ],
 )
@@ -160,9 +158,3 @@ def test_inputs_of_wrong_shape_are_refused(embedded: BodyModel, name: str, shape
     message = re.escape(f"{name} must be {wanted} for the embedded body, got {shape}: give one row a person")
     with pytest.raises(BodyModelError, match=message):
         embedded(**{**arguments, name: torch.zeros(shape)})
-
-
-def test_the_coarse_mesh_has_a_vertex_within_each_cell_of_2_cm(embedded: BodyModel) -> None:
-    vertices, coarse = embedded.skin.template.T, embedded.coarse
-    distance = torch.linalg.vector_norm(vertices - vertices[coarse.ids][coarse.of_vertex], dim=-1)
-    assert 0.02 < distance.max() < 0.02 * 3**0.5

@@ -35,8 +35,7 @@ def mano_arrays() -> dict[str, np.ndarray]:
     }
 
 
-@pytest.mark.parametrize("protocol", [2, 3, 4, 5])
-@pytest.mark.parametrize("sparse", [csc_matrix, csr_matrix])
+@pytest.mark.parametrize(("protocol", "sparse"), [(2, csc_matrix), (5, csr_matrix)])
 def test_a_mano_file_is_read_in_its_own_types(tmp_path: Path, protocol: int, sparse: Any) -> None:
     arrays, path = mano_arrays(), tmp_path / "MANO_RIGHT.pkl"
     columns_first = np.asfortranarray(arrays["posedirs"])
@@ -129,39 +128,26 @@ UNFIT = "is an array whose parts do not fit together"
 HARM: dict[str, tuple[str, Callable[[], Any], str]] = {
     "row outside": ("J_regressor", lambda: sparse(indices=np.arange(16) + 10**9), UNFIT),
     "row below": ("J_regressor", lambda: sparse(indices=np.arange(16) - 5), UNFIT),
-    "rows of 64 bits": ("J_regressor", lambda: sparse(indices=np.full(16, 2**62)), UNFIT),
     "fractions for rows": ("J_regressor", lambda: sparse(indices=np.full(16, 0.5)), "by float64, not of numbers"),
     "too few rows": ("J_regressor", lambda: sparse(indices=np.zeros(3, np.int32)), UNFIT),
     "ends that fall": ("J_regressor", lambda: sparse(indptr=np.r_[0, 9, 3, np.full(776, 16)]), UNFIT),
     "ends below": ("J_regressor", lambda: sparse(indptr=np.r_[-9, np.full(778, 16)]), UNFIT),
     "ends outside": ("J_regressor", lambda: sparse(indptr=np.r_[np.zeros(778, int), 10**12]), UNFIT),
-    "too few ends": ("J_regressor", lambda: sparse(indptr=np.zeros(3, int)), UNFIT),
     "a huge matrix": ("J_regressor", lambda: sparse(_shape=(10**6, 10**6)), "(1000000, 1000000), larger than any"),
-    "a negative matrix": ("J_regressor", lambda: sparse(_shape=(-16, -778)), UNFIT),
-    "no matrix": ("J_regressor", lambda: sparse(_shape="16"), UNFIT),
     "text in a matrix": ("J_regressor", lambda: sparse(data="text"), "is a str, not an array"),
     "a huge array": ("weights", lambda: array((10**12,), "f8", b"12345678"), UNFIT),
     "a hidden axis": ("weights", lambda: array((0, 2**61), "f8", ""), UNFIT),
-    "hidden axes": ("weights", lambda: array((2**40, 0, 2**40), "f8", ""), UNFIT),
-    "a hidden column": ("J_regressor", lambda: sparse(_shape=(0, 2**61)), UNFIT),
-    "wide letters": ("weights", lambda: array((0, 2**50), "U999999", ""), UNFIT),
-    "letters as bytes": ("weights", lambda: array((1,), "f8", "\u20ac" * 8), UNFIT),
     "no bytes": ("weights", lambda: array((778, 16), "f8", 10**12), UNFIT),
     "a negative array": ("weights", lambda: array((-1,), "f8", b"12345678"), "weights must be (778, 16), got (1,)"),
-    "many axes": ("weights", lambda: array((1,) * 99, "f8", b"12345678"), UNFIT),
     "objects": ("weights", lambda: array((10**6,), "O8", []), "holds objects, not numbers"),
     "fields": ("weights", lambda: array((1,), "V999", b"1" * 999), "holds no numbers, not numbers"),
-    "no type": ("weights", lambda: array((1,), "f3", b"123"), UNFIT),
-    "truths": ("weights", lambda: np.zeros((778, 16), bool), "weights holds bool, not numbers"),
     "complex numbers": ("weights", lambda: np.zeros((778, 16), complex), "weights holds complex128, not numbers"),
     "no numbers": ("weights", lambda: np.full((778, 16), np.nan), "weights holds numbers that are not finite"),
     "a choice outside": ("shapedirs", lambda: chosen(FULL.ravel() + 1), UNFIT),
-    "a choice of fractions": ("shapedirs", lambda: chosen(FULL.ravel() / 2), UNFIT),
     "a huge choice": ("shapedirs", lambda: chosen(FULL.ravel(), (10**9, 10**9)), UNFIT),
     "a choice of itself": ("shapedirs", endless, UNFIT),
     "many columns": ("shapedirs", lambda: np.zeros((778, 3, 301)), "has 301 columns, where MANO has 10 to 300"),
     "vertex outside": ("f", lambda: np.full((1538, 3), 778), "f holds 778, not an index below 778"),
-    "vertex below": ("f", lambda: np.full((1538, 3), -1), "f holds -1, not an index below 778"),
     "half a vertex": ("f", lambda: np.full((1538, 3), 0.5), "f holds 0.5, not an index below 778"),
     "parent outside": ("kintree_table", lambda: np.full((2, 16), 16), "kintree_table is not the joint tree of MANO"),
 }  # fmt: skip
@@ -180,20 +166,10 @@ def test_harmful_pickles_end_in_words_and_take_no_memory(tmp_path: Path) -> None
 NEITHER = "is neither an .npz archive nor a pickle of MANO"
 CLAIMS: dict[str, tuple[bytes, str]] = {
     "BINBYTES8": (b"\x80\x04\x8e" + (3 * 2**30).to_bytes(8, "little") + b"abc.", NEITHER),
-    "BINUNICODE8": (b"\x80\x04\x8d" + (3 * 2**30).to_bytes(8, "little") + b"abc.", NEITHER),
     "FRAME": (b"\x80\x04\x95" + (2**62).to_bytes(8, "little") + b"}.", "lacks the arrays v_template"),
-    "LONG4": (b"\x80\x02\x8b" + (2**31 - 1).to_bytes(4, "little") + b"abc.", NEITHER),
     "BINBYTES8 that is short": (b"\x80\x04}\x8e" + (4).to_bytes(8, "little") + b"0.", NEITHER),
     "escapes": (b"\x80\x02cevil\x1b[2J\nred\x1b[31m\n)R.", r"asks for 'evil\x1b[2J.red\x1b[31m', which"),
     "a long name": (b"\x80\x02c" + b"A" * 5_000_000 + b"\nx\n)R.", f"asks for '{'A' * 77}...', which"),
-    "a long kind": (
-        b"\x80\x02ccopy_reg\n_reconstructor\n(X" + (3_000_000).to_bytes(4, "little") + b"z" * 3_000_000 + b"tR.",
-        NEITHER,
-    ),
-    "a kind of many": (
-        b"\x80\x02ccopy_reg\n_reconstructor\n()" + b"2\x86" * 40 + b"tR.",
-        NEITHER,
-    ),
     "a long encoding": (
         b"\x80\x02c_codecs\nencode\n(X\x01\x00\x00\x00aX\x05\x00\x00\x00\x1b[31mtR.",
         r"asks for 'bytes in \x1b[31m', which",
@@ -242,13 +218,10 @@ def npy(shape: str, kind: str, data: bytes = b"") -> bytes:
 
 ARCHIVES: dict[str, tuple[bytes, str]] = {
     "huge": (npy("(1000000000000, 16)", "'<f8'"), "cannot be read, the file is damaged"),
-    "negative": (npy("(-778, 16)", "'<f8'"), "cannot be read, the file is damaged"),
     "short": (npy("(778, 16)", "'<f8'", b"1234"), "cannot be read, the file is damaged: copy or download it again"),
     "objects": (npy("(778, 16)", "'|O'"), "holds a pickled object where numbers belong"),
     "fields": (npy("(778, 16)", "[('a', '|O'), ('b', '<f8')]"), "holds a pickled object where numbers belong"),
-    "text": (npy("(0, 16)", "'<U9999'"), "weights holds <U9999, not numbers"),
     "no header": (b"nothing", "cannot be read, the file is damaged"),
-    "no shape": (npy("'x'", "'<f8'"), "cannot be read, the file is damaged"),
     "zeros": (npy("(6250000, 2)", "'<f8'", bytes(10**8)), ": weights must be (778, 16), got (6250000, 2)"),
 }
 
@@ -265,19 +238,12 @@ def test_harmful_archives_end_in_words_and_take_no_memory(tmp_path: Path) -> Non
 
 CALLS = {
     "os.system": b"cos\nsystem\n(X\x04\x00\x00\x00true",
-    "posix.system": b"cposix\nsystem\n(X\x04\x00\x00\x00true",
-    "subprocess.Popen": b"csubprocess\nPopen\n(X\x04\x00\x00\x00true",
     "builtins.eval": b"cbuiltins\neval\n(X\x03\x00\x00\x001+1",
-    "__builtin__.exec": b"c__builtin__\nexec\n(X\x04\x00\x00\x00pass",
     "builtins.getattr": b"cbuiltins\ngetattr\n(X\x01\x00\x00\x00aX\x05\x00\x00\x00upper",
-    "builtins.open": b"cbuiltins\nopen\n(X\x01\x00\x00\x00wX\x01\x00\x00\x00w",
     "importlib.import_module": b"cimportlib\nimport_module\n(X\x09\x00\x00\x00antigravit",
     "codecs.encode": b"c_codecs\nencode\n(X\x01\x00\x00\x00aX\x05\x00\x00\x00rot13",
     "numpy.load": b"cnumpy\nload\n(X\x01\x00\x00\x00a",
-    "numpy.core.multiarray.fromfile": b"cnumpy.core.multiarray\nfromfile\n(X\x01\x00\x00\x00a",
     "numpy.testing._private.utils.runstring": b"cnumpy.testing._private.utils\nrunstring\n(X\x01\x00\x00\x001}",
-    "scipy.sparse.load_npz": b"cscipy.sparse\nload_npz\n(X\x01\x00\x00\x00a",
-    "torch.load": b"ctorch\nload\n(X\x01\x00\x00\x00a",
     "an extension": b"\x82\x01(X\x01\x00\x00\x00a",
     "a persistent object": b"X\x01\x00\x00\x00aQ(X\x01\x00\x00\x00a",
 }  # what is called -> its pickle, up to the arguments

@@ -61,18 +61,3 @@ def test_value_and_slope_are_those_of_the_whole_model(bind, correctives, blocks)
 
     for got, want in zip(slopes(vertices, joints), slopes(plain_vertices, plain_joints), strict=True):
         torch.testing.assert_close(got, want)
-
-
-@pytest.mark.parametrize("correctives", [False, True])
-@pytest.mark.parametrize("blocks", [False, True])
-def test_the_gradient_is_that_of_finite_differences(correctives, blocks):
-    kinematics, skin = small_body(bind=True, correctives=correctives)
-    skin = skin.in_blocks() if blocks else skin
-    assert not blocks or any(len(block.joints) < J for block in skin.blocks)
-    tree = JointTree(kinematics)
-    inputs = [x.requires_grad_() for x in pose(1)]
-
-    def posed(turns, shape, transl):
-        return pose_vertices(tree, skin, rotvec_to_rotmat(turns), shape, transl)
-
-    assert torch.autograd.gradcheck(posed, inputs)

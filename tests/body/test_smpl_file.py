@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import pickle
 import sys
 from collections.abc import Iterator
@@ -12,20 +11,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from other_body import make, smpl_file_arrays
+from other_body import OtherBody, smpl_file_arrays
 from scipy.sparse import csc_matrix
 from scipy.spatial.transform import Rotation
 
 from physic_core.body.files.smpl import load_smpl, read_smpl
-from physic_core.body.model import BodyModel
 from physic_core.errors import BodyModelError
 
 
 @pytest.fixture(scope="module")
-def arrays(embedded: BodyModel) -> dict[str, Any]:
+def arrays(smaller: OtherBody) -> dict[str, Any]:
     rng = np.random.default_rng(0)
-    made = smpl_file_arrays(make(embedded, 6890))
-    return {**made, "posedirs": 1e-3 * rng.standard_normal((6890, 3, 207))}
+    return {**smpl_file_arrays(smaller), "posedirs": 1e-3 * rng.standard_normal((6890, 3, 207))}
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +75,7 @@ def pickled(path: Path, thing: object, protocol: int = 2) -> Path:
     return path
 
 
-@pytest.mark.parametrize("protocol", [0, 1, 2, 3, 4])
+@pytest.mark.parametrize("protocol", [0, 2, 4])
 def test_the_published_pickle_is_read(light: dict[str, Any], chumpy: None, tmp_path: Path, protocol: int) -> None:
     """Sparse regressor, chumpy's shape directions, a dictionary and words that nobody needs."""
     shapes = light["shapedirs"]
@@ -115,50 +112,12 @@ def test_a_smpl_file_poses_as_in_smplfitter(npz: Path, arrays: dict[str, Any]) -
     np.testing.assert_allclose(own.smpl_joints(rotations, betas, transl), theirs["joints"], atol=2e-6)
 
 
-class Harm:
-    """Runs a command when it is unpickled by anybody careless."""
-
-    def __init__(self, call: tuple[Any, ...]) -> None:
-        self.call = call
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return self.call[0], self.call[1:]
-
-
-@pytest.mark.parametrize(
-    ("call", "name"),
-    [
-        ((os.system, "exit 3"), f"{os.system.__module__}.system"),
-        ((eval, "1/0"), "builtins.eval"),
-        ((getattr, "text", "format"), "builtins.getattr"),
-        ((np.fromfile, "/etc/passwd"), "numpy.fromfile"),
-        ((np.load, "x.npy"), "numpy.load"),
-    ],
-)
-@pytest.mark.parametrize("protocol", [2, 4])
-def test_a_pickle_runs_nothing(
-    call: tuple[Any, ...], name: str, protocol: int, light: dict[str, Any], tmp_path: Path
-) -> None:
-    path = pickled(tmp_path / "SMPL.pkl", {**light, "bs_type": Harm(call)}, protocol)
-    shown_name = name.replace("builtins", "__builtin__") if protocol == 2 else name
-    assert f"asks for '{shown_name}'" in refusal(path)
-
-
-@pytest.mark.parametrize("content", [b"", b"not a pickle", b"\x80\x02}q\x00"])
-def test_refuses_what_is_no_pickle(tmp_path: Path, content: bytes) -> None:
-    path = tmp_path / "SMPL.pkl"
-    path.write_bytes(content)
-    assert refusal(path).startswith(" is neither an .npz archive nor a pickle of SMPL: ")
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [
         ({"v_template": np.zeros((10475, 3))}, " is a SMPL-X file (10475 vertices), not SMPL"),
-        ({"v_template": np.zeros((778, 3))}, " is a MANO file (778 vertices), not SMPL"),
         ({"weights": np.zeros((6890, 52))}, " is a SMPL+H file (52 joints), not SMPL"),
         ({"shapedirs": np.zeros((6890, 3))}, ": shapedirs must be (6890, 3, 10 to 300), got (6890, 3)"),
-        ({"kintree_table": np.zeros((2, 24), int)}, ": kintree_table is not the joint tree of SMPL"),
         ({"J_regressor": "none", "weights": None}, " lacks the arrays J_regressor, weights"),
     ],
 )

@@ -10,14 +10,13 @@ import numpy as np
 import pytest
 import torch
 import trimesh
-from other_body import OtherBody, smplx_file_arrays
+from other_body import OtherBody, posed, smplx_file_arrays
 from scipy.spatial import cKDTree
 
 from physic_core import Reconstruction
 from physic_core.body import load_body
 from physic_core.body.convert.bodies import convert_bodies
 from physic_core.body.model import BodyModel
-from physic_core.body.parameters import rotations_from_parameters
 from physic_core.errors import InputError
 from physic_core.geometry.upright import transform_points
 from physic_core.types import Bodies, BodyParameters
@@ -44,7 +43,7 @@ def converted(result: Reconstruction, file: Path, model: BodyModel) -> Reconstru
     people = []
     for person in result.people:
         parameters = convert_bodies(Bodies(person.parameters, "embedded"), model).parameters
-        vertices, joints = posed(model, parameters)
+        vertices, joints = alone(model, parameters)
         contact = np.zeros(len(vertices), bool)
         own = replace(person, parameters=parameters, vertices=vertices, joints=joints, contact=contact)
         people.append(replace(own, contact_partner=np.full(len(vertices), -1, np.int16)))
@@ -54,11 +53,9 @@ def converted(result: Reconstruction, file: Path, model: BodyModel) -> Reconstru
     return replace(result, people=tuple(people), faces=faces, body_model="smplx", config=config)
 
 
-def posed(model: BodyModel, parameters: BodyParameters) -> tuple[np.ndarray, np.ndarray]:
-    given = (torch.from_numpy(np.array(getattr(parameters, n), np.float64)) for n in ("betas", "transl", "expression"))
-    rotations = rotations_from_parameters(parameters, dtype=torch.float64)
-    out = model.to(dtype=torch.float64)(rotations, *given)
-    return out.vertices[0].numpy(), out.joints[0].numpy()
+def alone(model: BodyModel, parameters: BodyParameters) -> Iterator[np.ndarray]:
+    """Vertices and joints of one body, by the model in float64."""
+    return (values[0] for values in posed(model.to(dtype=torch.float64), parameters))
 
 
 @pytest.mark.parametrize("up", ["z", "camera"])
@@ -66,7 +63,7 @@ def test_our_reader_gives_the_same_bodies(converted: Reconstruction, model: Body
     done = converted.export(str(tmp_path / "a.npz"), up=up)
     frame = export_frame(converted.scene.floor, up)
     for path, person in zip(done.files, converted.people, strict=True):
-        vertices, joints = posed(model, read_amass(path))
+        vertices, joints = alone(model, read_amass(path))
         np.testing.assert_allclose(vertices, transform_points(frame.from_camera, person.vertices), atol=1e-5)
         with np.load(path) as arrays:
             pelvis = arrays["pelvis"] + arrays["trans"][0]
@@ -91,7 +88,7 @@ def test_embedded_bodies_are_fitted_and_the_error_is_stated(
     result: Reconstruction, file: Path, model: BodyModel, tmp_path: Path
 ):
     done = result.export(str(tmp_path / "a.npz"), body_model=file, person=1)
-    vertices, joints = posed(model, read_amass(done.files[0]))
+    vertices, joints = alone(model, read_amass(done.files[0]))
     matrix = export_frame(result.scene.floor, "z").from_camera
     with np.load(done.files[0]) as arrays:
         error = float(arrays["fit_error_m"])
