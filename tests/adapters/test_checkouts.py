@@ -100,28 +100,17 @@ def test_a_missing_package_is_named_with_its_pip_name(tmp_path: Path) -> None:
 
 
 def test_a_wrong_folder_is_said_before_anything_is_imported(tmp_path: Path) -> None:
-    absent = Checkout(str(tmp_path / "no"), name="Thing", package="core.net", homepage="https://example.org/thing")
+    page = "https://example.org/thing"
+    absent = Checkout(str(tmp_path / "no"), name="Thing", package="core.net", homepage=page)
     other = checkout(tmp_path, {"setup.py": ""})
-    none = Checkout(
-        "",
-        name="Thing",
-        package="thing_that_nobody_installed.net",
-        homepage="https://example.org/thing",
-        commit="c0ffee",
-    )
-    assert absent.missing() == (
-        f"there is no folder {tmp_path / 'no'}: set checkout to a checkout of https://example.org/thing "
-        "(git clone https://example.org/thing)",
-    )
-    assert other.missing() == (
-        f"{tmp_path} is not a checkout of Thing, since it has no core/net.py: "
-        "set checkout to the root of a checkout of https://example.org/thing",
-    )
-    assert none.missing() == (
-        "Thing is neither installed nor given: set checkout to a checkout of https://example.org/thing "
-        "(git clone https://example.org/thing && git -C thing checkout c0ffee)",
-    )
-    for side in (absent, other, none):
+    none = Checkout("", name="Thing", package="thing_that_nobody_installed.net", homepage=page, commit="c0ffee")
+    for side, words in (
+        (absent, f"there is no folder {tmp_path / 'no'}"),
+        (other, f"{tmp_path} is not a checkout of Thing, since it has no core/net.py"),
+        (none, f"(git clone {page} && git -C thing checkout c0ffee)"),
+    ):
+        (said,) = side.missing()
+        assert words in said
         with pytest.raises(WeightsMissingError, match=r"checkout of https://example\.org/thing"):
             side.load()
 

@@ -109,14 +109,6 @@ def test_the_blur_before_a_reduction_is_that_of_hmr_2():
         assert antialias_sigma(Crop((0.0, 0.0), (step, abs(step)), 8, 8)) == pytest.approx(sigma)
 
 
-def test_the_grid_of_halves_is_mmposes_affine_and_its_inverse() -> None:
-    """keypoint / input * scale + centre - scale / 2, the formula of RTMPose's deployment."""
-    middle, size = padded_region(BOX, 0.75, 1.25)
-    points = np.random.default_rng(2).uniform(0, 200, (9, 2))
-    theirs = points / [192, 256] * size + middle - size / 2
-    assert np.allclose(crop_around_box(BOX, 192, 256, grid="halves").to_photo(points), theirs)
-
-
 def test_the_grid_of_corners_is_vitposes_in_transformers() -> None:
     pytest.importorskip("transformers")
     from transformers.models.vitpose.image_processing_pil_vitpose import (

@@ -26,7 +26,6 @@ def test_known_peaks_are_found_to_a_twentieth_of_a_cell(sigma: float) -> None:
     found, value = subpixel_peaks(gaussians(true, 64, 48, sigma))
     apart = np.linalg.norm(found - true, axis=-1)
     coarse = np.linalg.norm(heatmap_peaks(gaussians(true, 64, 48, sigma))[0] - true, axis=-1)
-    print(f"sigma {sigma}: {apart.max():.4f} cells at most, the highest cell alone {coarse.max():.2f}")
     assert apart.max() < 0.05 < coarse.max()
     assert (value > 0.8).all()
     assert (value <= 0.9).all()

@@ -39,27 +39,3 @@ with limited_threads(1):
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "1\n", done.stderr
-
-
-def test_a_run_imports_torch_in_another_thread_while_the_first_network_runs() -> None:
-    code = """
-import sys, threading
-importers = []
-
-class Watch:
-    def find_spec(self, name, path=None, target=None):
-        if name == "torch":
-            importers.append(threading.current_thread() is threading.main_thread())
-
-sys.meta_path.insert(0, Watch())
-import numpy as np
-from physic_core import reconstruct
-from physic_core.errors import NoPersonError
-
-try:
-    reconstruct(np.zeros((64, 64, 3), np.uint8), {"extends": "embedded", "photo": {"require_people": True}})
-except NoPersonError:
-    print(importers)
-"""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "[False]\n", done.stderr

@@ -20,9 +20,7 @@ MASK = np.zeros((6, 8), bool)
 WANTED = "the image must be a numpy array (H, W, 3) of uint8 RGB, got "
 STRANGE = [
     (PHOTO / np.float32(255), "(6, 8, 3) float32: convert it before the call"),
-    (np.full((6, 8, 3), np.nan), "(6, 8, 3) float64: convert it before the call"),
     (PHOTO[..., 0], "(6, 8) uint8: convert it before the call"),
-    (PHOTO[..., [0, 1, 2, 0]], "(6, 8, 4) uint8: convert it before the call"),
     (PHOTO.transpose(2, 0, 1), "(3, 6, 8) uint8: convert it before the call"),
     (PHOTO[:0], "(0, 8, 3) uint8: convert it before the call"),
     (PHOTO.tolist(), "list"),

@@ -44,7 +44,6 @@ MESH = Mesh("mhr", np.zeros((2, 4, 3), np.float32), FACES, np.zeros((4, 3), np.f
 BODIES = Bodies(PARAMETERS, "mhr", None, np.zeros((2, 55, 3), np.float32), MESH)
 HANDS = Hands(np.zeros((2, 2, 15, 3)), np.array([[0.5, 0.0], [0.9, 0.9]]), np.zeros((2, 2, 3)))
 CONTACT = ContactProbability(np.zeros((2, 4)), "smpl", RestMesh("smpl", np.zeros((4, 3)), FACES))
-IMAGE = np.zeros((H, W, 3), np.uint8)
 
 INTERFACES: dict[type, tuple[Any, dict[str, Any]]] = {
     People: (interfaces.Segmenter, {"height": H, "width": W}),
@@ -54,7 +53,6 @@ INTERFACES: dict[type, tuple[Any, dict[str, Any]]] = {
     Bodies: (interfaces.BodyEstimator, {"people": 2}),
     Hands: (interfaces.HandEstimator, {"people": 2}),
     ContactProbability: (interfaces.ContactPrior, {"people": 2, "vertices": 9, "topology": "embedded"}),
-    np.ndarray: (interfaces.Inpainter, {"height": H, "width": W}),
 }
 
 
@@ -106,37 +104,22 @@ def test_valid_results_have_no_violation(result: Any, changes: dict[str, Any]) -
     assert found_in(replace(result, **changes)) == []
 
 
-def test_an_image_is_a_result() -> None:
-    assert found_in(IMAGE) == []
-    assert found_in(np.full((H, W, 3), np.nan)) == ["image must be uint8, got float64"]
-
-
 @pytest.mark.parametrize(
     ("result", "changes", "expected"),
     [
         (PEOPLE, {"masks": np.zeros((2, W, H), bool)}, ["masks must be (2, 6, 8), got (2, 8, 6)"]),
-        (PEOPLE, {"masks": np.zeros((2, H, W), np.uint8)}, ["masks must be bool, got uint8"]),
         (PEOPLE, {"masks": None, "keypoints": None}, ["masks must be a numpy array (0, 6, 8), got NoneType", ...]),
         (PEOPLE, {"masks": np.zeros((2, H, W), bool)}, ["every person needs at least one pixel, masks [0..."]),
         (PEOPLE, {"masks": np.ones((2, H, W), bool)}, ["masks of two people overlap..."]),
         (PEOPLE, {"boxes": np.array([[2, 1, 2, 4], [6, 1, 14, 5]], np.float32)}, ["boxes must be x0 y0 x1 y1..."]),
         (PEOPLE, {"scores": np.array([90.0, 80.0])}, ["scores must lie in [0, 1], got 0 to 90"]),
-        (PEOPLE, {"boxes": nan_at(BOXES)}, ["boxes must be finite, 8 values are not"]),
-        (PEOPLE, {"scores": nan_at(PEOPLE.scores)}, ["scores must lie in [0, 1], got nan to nan"]),
         (PEOPLE, {"floor": np.zeros((H, W), np.float32)}, ["floor must be bool, got float32"]),
-        (PEOPLE, {"keypoints": np.ones(3)}, ["keypoints must be Keypoints, got ndarray"]),
-        (PEOPLE, {"surfaces": SurfaceLabels(np.zeros((H, W), np.int64))}, ["surfaces.labels must be uint8, got int64"]),
-        (PEOPLE, {"surfaces": SurfaceLabels(np.zeros((H, 2), np.uint8))}, ["surfaces.labels must be (6, 8), got..."]),
         (PEOPLE, {"surfaces": replace(SURFACES, names=("floor", "lava"))}, ["surfaces.names has 'lava'; the..."]),
         (PEOPLE, {"surfaces": replace(SURFACES, names=("floor", "floor"))}, ["surfaces.names must not name a..."]),
-        (PEOPLE, {"surfaces": replace(SURFACES, names=["floor"])}, ["surfaces.names must be a tuple of texts..."]),
         (PEOPLE, {"surfaces": SurfaceLabels(np.full((H, W), 2, np.uint8), ("wall",))}, ["surfaces.labels must be..."]),
         (PEOPLE, {"surfaces": np.zeros((H, W), np.uint8)}, ["surfaces must be SurfaceLabels, got ndarray"]),
-        (KEYPOINTS, {"points": None}, ["points must be a numpy array (2, 0, 2), got NoneType", ...]),
         (KEYPOINTS, {"skeleton": 17}, ["skeleton must be a Skeleton or the name of a standard one, got int", ...]),
-        (KEYPOINTS, {"world": nan_at(KEYPOINTS.world)}, ["world must be finite, 102 values are not"]),
         (KEYPOINTS, {"confidence": np.eye(2, 17) * 7}, ["confidence must lie in [0, 1], got 0 to 7"]),
-        (KEYPOINTS, {"confidence": nan_at(KEYPOINTS.confidence)}, ["confidence must lie in [0, 1], got nan to nan"]),
         (POINTMAP, {"points": nan_at(POINTMAP.points)}, ["points must be finite, 144 values are not"]),
         (
             POINTMAP,
@@ -148,7 +131,6 @@ def test_an_image_is_a_result() -> None:
         (POINTMAP, {"shift_sigma": -0.1}, ["shift_sigma must be finite and at least 0, or None, got -0.1"]),
         (POINTMAP, {"intrinsics": np.eye(3)}, ["intrinsics must be Intrinsics, got ndarray"]),
         (POINTMAP, {"intrinsics": replace(CAMERA, fx=np.nan)}, ["intrinsics must be finite numbers fx, fy, cx..."]),
-        (DEPTH, {"intrinsics": replace(CAMERA, fy=-9)}, ["intrinsics must be finite numbers fx, fy, cx..."]),
         (DEPTH, {"intrinsics": CAMERA.resized(16, 12)}, ["intrinsics must be for 8 x 6 px, got 16 x 12"]),
         (DEPTH, {"intrinsics": replace(CAMERA, source=None)}, ["intrinsics.source must be str, got NoneType"]),
         (DEPTH, {"scale_sigma": np.nan}, ["scale_sigma must be a number from 0 to 1000 or None, got nan"]),
@@ -156,33 +138,21 @@ def test_an_image_is_a_result() -> None:
         (DEPTH, {"depth": nan_at(DEPTH.depth)}, ["depth is NaN or infinite everywhere"]),
         (DEPTH, {"depth": -DEPTH.depth}, ["depth must be > 0 m or NaN, the smallest is -1"]),
         (DEPTH, {"depth": DEPTH.depth[None]}, ["depth must be (6, 8), got (1, 6, 8)"]),
-        (DEPTH, {"depth": [[1.0]]}, ["depth must be a numpy array (6, 8), got list"]),
         (DEPTH, {"depth": torch.ones((H, W))}, ["depth must be a numpy array (6, 8), got Tensor..."]),
         (BODIES, {"parameters": {}}, ["parameters must be BodyParameters, got dict", ...]),
         (BODIES, {"body_model": None}, ["body_model must be str, got NoneType", ...]),
-        (BODIES, parameters(betas=None), ["betas must be a numpy array (2, 0), got NoneType", ...]),
         (BODIES, parameters(body_pose=np.zeros((2, 69), np.float32)), ["body_pose must be (2, 63), got (2, 69)"]),
-        (BODIES, parameters(transl=nan_at(PARAMETERS.transl)), ["transl must be finite, 6 values are not"]),
-        (BODIES, {"joints": np.zeros((2, 24, 3))}, ["joints must be (2, 55, 3), got (2, 24, 3)"]),
         (BODIES, {"joints": np.zeros((2, 55, 3), int)}, ["joints must be float, got int64"]),
         (BODIES, {"joints": np.full((2, 55, 3), np.inf)}, ["joints must be within +-10000 m..."]),
         (BODIES, {"rotation_sigma": np.full((2, 22), 20.0)}, ["rotation_sigma must be within 0 and pi radians..."]),
         (BODIES, {"mesh": np.zeros((2, 4, 3))}, ["mesh must be Mesh, got ndarray"]),
-        (BODIES, {"mesh": replace(MESH, name=7)}, ["mesh.name must be str, got int"]),
-        (BODIES, mesh(np.zeros((1, 4, 3)), FACES), ["mesh.vertices must be (2, 4, 3), got (1, 4, 3)"]),
-        (BODIES, mesh(nan_at(MESH.vertices), FACES), ["mesh.vertices must be finite, 24 values are not"]),
         (BODIES, mesh(MESH.vertices, FACES + 1), ["mesh.faces must number the 4 vertices from 0, got 1 to 4"]),
         (BODIES, mesh(MESH.vertices, FACES.astype(float)), ["mesh.faces must be integers, got float64"]),
-        (BODIES, mesh(MESH.vertices, FACES[0]), ["mesh.faces must be (3, 3), got (3)"]),
         (BODIES, mesh(MESH.vertices, FACES, np.zeros((5, 3))), ["mesh.rest must be (4, 3), got (5, 3)"]),
         (HANDS, {"rotvecs": nan_at(HANDS.rotvecs, slice(None))}, ["rotvecs must be finite, 135 values are not"]),
-        (HANDS, {"wrists": np.zeros((2, 2, 3, 3))}, ["wrists must be (2, 2, 3), got (2, 2, 3, 3)"]),
-        (HANDS, {"wrists": nan_at(HANDS.wrists)}, ["wrists must be finite, 9 values are not"]),
         (CONTACT, {"rest": None}, ["topology must be 'embedded' as the bodies', got 'smpl'"]),
-        (CONTACT, {"rest": FACES}, ["rest must be RestMesh, got ndarray"]),
         (CONTACT, {"probability": np.zeros((2, 5))}, ["probability must be (2, 4), got (2, 5)"]),
         (CONTACT, {"rest": RestMesh("smplx", np.zeros((4, 3)), FACES)}, ["rest must be the mesh 'smpl' that the..."]),
-        (CONTACT, {"rest": RestMesh("smpl", np.full((4, 3), np.nan), FACES)}, ["rest.vertices must be finite..."]),
         (CONTACT, {"rest": RestMesh("smpl", np.zeros((4, 3)), FACES + 2)}, ["rest.faces must number the 4..."]),
     ],
 )

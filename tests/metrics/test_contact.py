@@ -53,22 +53,6 @@ def test_the_rates_equal_the_slow_reference(maps):
     assert (scores.precision_pooled, scores.recall_pooled, scores.f1_pooled) == pytest.approx(pooled)
 
 
-@pytest.mark.parametrize(
-    ("predicted", "truth", "expected"),
-    [
-        ("000", "000", (1, 0, 0)),
-        ("000", "010", (1, 0, 0)),
-        ("010", "000", (0, 1, 0)),
-        ("010", "100", (0, 0, 0)),
-        ("010", "010", (1, 1, 1)),
-    ],
-)
-def test_empty_sets_score_as_in_the_published_code(predicted, truth, expected):
-    s = contact_scores(flags(predicted), flags(truth))
-    assert (s.precision_mean, s.recall_mean, s.f1_mean) == expected
-    assert (s.precision_pooled, s.recall_pooled, s.f1_pooled) == expected
-
-
 def test_probabilities_and_other_meshes_are_refused():
     truth = flags("0110")
     with pytest.raises(PhysicError, match="must be bool, got float64"):

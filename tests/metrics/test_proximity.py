@@ -42,13 +42,6 @@ def test_over_a_floor_the_distance_is_the_height_and_not_the_way_to_the_next_pix
     np.testing.assert_allclose(found.normal[0], UP)
 
 
-@given(st.floats(-0.1, 0.05), st.floats(0.0, 0.05))
-def test_a_body_that_is_moved_up_is_farther_by_as_much(height, step):
-    body = np.array([[0.2, 1.5 - height, 3.0], [-0.3, 1.48 - height, 3.4]])
-    low, high = (scene_distance(v, *floor_view(), CAMERA).distance for v in (body, body + step * UP))
-    np.testing.assert_allclose(high - low, step, atol=1e-9)
-
-
 def test_distance_beyond_the_search_radius_is_infinite():
     found = scene_distance(np.array([[0.0, 1.5 - PROXIMITY_RADIUS_M - 0.01, 3.0]]), *floor_view(), CAMERA)
     assert found.distance == np.inf
