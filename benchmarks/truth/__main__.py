@@ -21,7 +21,6 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import add_arguments_of_photos
 from .contact import contact_rows, film_records, part_tables, score_labelled, table_of_parts
 from .run import answer_of
 from .scores import photo_record, score_annotated, score_moment, score_parkour, score_single
@@ -32,7 +31,12 @@ from .table import as_json, rows_of, text_table
 def main() -> int:
     """Run, compare, print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.truth", description=(__doc__ or "").partition("\n")[0])
-    add_arguments_of_photos(parser, Path("truth-results"))
+    parser.add_argument("data", nargs="*", type=Path, help="folders that hold the data sets")
+    parser.add_argument("--out", type=Path, default=Path("truth-results"), help="for results and the table")
+    parser.add_argument("--preset", default="embedded", help="preset of physic run")
+    parser.add_argument("--set", dest="settings", action="append", default=[], metavar="KEY=VALUE", help="one setting")
+    parser.add_argument("--sets", default=",".join(SETS), help="data sets, with commas between them")
+    parser.add_argument("--photos", type=int, help="the first N of each data set")
     parser.add_argument("--jobs", type=int, default=1, help="photos at once")
     parser.add_argument("--no-camera", action="store_true", help="do not give the tool the camera, where it is known")
     parser.add_argument("--stature-key", metavar="KEY", help="measure also with the true stature in this setting, m")

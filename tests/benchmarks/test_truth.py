@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
 import json
 import math
 import sys
-from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -17,23 +15,15 @@ import pytest
 from physic_bench import cameras, triangulation
 from physic_bench import joints as joints_by_name
 
-FOLDER = Path(__file__).parents[2] / "benchmarks" / "truth"
-NAME = "truth_benchmark"
+MODULES = ("contact", "measures", "run", "scores", "sets", "statistics", "table")
 
 
 @pytest.fixture(scope="module")
-def truth() -> Iterator[SimpleNamespace]:
-    """The modules of the package, under a name of their own: ``benchmarks`` is not a package that is installed."""
-    spec = importlib.util.spec_from_file_location(
-        NAME, FOLDER / "__init__.py", submodule_search_locations=[str(FOLDER)]
-    )
-    assert spec is not None
-    sys.modules[NAME] = importlib.util.module_from_spec(spec)
-    files = [file.stem for file in FOLDER.glob("*.py") if file.stem != "__init__"]
+def truth() -> SimpleNamespace:
+    """The modules of the benchmark, and those that it shares with physic-bench."""
+    own = {name: import_module(f"benchmarks.truth.{name}") for name in MODULES}
     shared = {"cameras": cameras, "joints": joints_by_name, "views": triangulation}
-    yield SimpleNamespace(**shared, **{name.strip("_"): importlib.import_module(f"{NAME}.{name}") for name in files})
-    for name in [name for name in sys.modules if name.split(".")[0] == NAME]:
-        del sys.modules[name]
+    return SimpleNamespace(main=import_module("benchmarks.truth.__main__"), **own, **shared)
 
 
 STANDING = {
@@ -79,12 +69,6 @@ def moved(points: object, *by: float) -> np.ndarray:
 def answer_with(*people: dict, **more: object) -> dict:
     answer = {"error": "", "people": list(people), "camera": [1000, 1000, 500, 400], "floor": [0, -1, 0, 1.0]}
     return answer | {"checks": [], "grade": "good", "wall_s": 2.0, "cpu_s": 1.0} | more
-
-
-def test_joints_are_those_of_the_body_by_name(truth):
-    from physic_core.body.joints import JOINT_NAMES
-
-    assert [JOINT_NAMES[row] for row in truth.joints.BODY_ROWS] == list(truth.joints.LIMB_JOINTS)
 
 
 def test_a_person_who_sits_bends_or_lies_is_not_upright(truth, joints):
@@ -154,23 +138,6 @@ def test_a_person_is_found_by_box_or_keypoints(truth):
     assert match([], [], [full], [points]) == {}
 
 
-def test_a_predicted_box_around_a_group_matches_no_person(truth):
-    group, one = [0, 0, 1000, 200], [0, 0, 100, 200]
-    inside = np.column_stack([np.linspace(10, 90, 12), np.linspace(10, 190, 12)])
-    elsewhere = moved(inside, 500, 0)
-    assert truth.measures.match_people([group], [elsewhere], [one], [inside]) == {}
-
-
-def test_2d_error_of_counted_joints_is_a_share_of_the_diagonal(truth):
-    facts = np.zeros((3, 2))
-    predicted = np.array([[3.0, 4], [6, 8], [100, 100]])
-    counted = np.array([True, True, False])
-    assert truth.measures.points_error(predicted, facts, counted, [0, 0, 30, 40]) == [
-        pytest.approx(0.1),
-        pytest.approx(0.2),
-    ]
-
-
 def test_contact_is_five_percent_of_the_largest_force_of_the_film(truth):
     forces = np.zeros((2, 4, 6))
     forces[0, 0, 2] = 1000
@@ -196,22 +163,6 @@ def test_known_probabilities_have_the_known_scores(truth):
     assert (alike["recall"], alike["constant"], alike["brier"]) == (0.5, 0, pytest.approx(0.325))
     assert all(math.isnan(alike[name]) for name in ("auc", "specificity", "balanced"))
     assert all(math.isnan(value) for value in truth.measures.probability_scores([], []).values())
-
-
-def test_calibration_error_is_the_distance_from_the_frequency(truth):
-    error = truth.measures.calibration_error
-    assert error([0.75] * 4, [True, True, True, False]) == pytest.approx(0)
-    assert error([0.75] * 4 + [0.15] * 4, [True] * 4 + [False] * 4) == pytest.approx(0.2)
-    assert error([1.0, math.nan], [True, False]) == 0
-    assert math.isnan(error([math.nan], [True]))
-
-
-def test_depth_that_is_a_factor_off_is_right_after_it(truth):
-    depth = np.linspace(1, 5, 20).reshape(4, 5)
-    found = truth.measures.depth_errors(np.where(depth > 4.9, np.nan, 0.8 * depth), depth)
-    assert (found["absrel"], found["absrel_scaled"]) == (pytest.approx(0.2), pytest.approx(0, abs=1e-12))
-    assert found["depth_factor"] == pytest.approx(1.25)
-    assert math.isnan(truth.measures.depth_errors(np.full((2, 2), np.nan), np.ones((2, 2)))["absrel"])
 
 
 def ring(truth, count: int = 5) -> list:
@@ -267,14 +218,6 @@ def test_people_are_matched_across_views(truth, people):
     for person, i in zip(found, (1, 0), strict=True):
         assert np.linalg.norm(person.joints - people[i], axis=-1).max() < 0.03
         assert all(order[v][member] == i for v, member in person.members.items() if v != 4)
-
-
-def test_joints_outside_the_picture_are_not_visible(truth, people):
-    camera = ring(truth)[0]
-    assert truth.views.visible_joints(camera, people[0]).all()
-    assert not truth.views.visible_joints(camera, people[0] + [5, 0, 0]).any()
-    assert not truth.views.visible_joints(camera, people[0] - [0, 0, 9]).any()
-    assert not truth.views.visible_joints(camera, np.full((12, 3), np.nan)).any()
 
 
 def test_a_camera_of_a_padded_picture(truth):

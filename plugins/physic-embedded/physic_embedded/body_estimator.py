@@ -30,7 +30,7 @@ _MIN_LEG_CONFIDENCE = 0.5  # of knees and ankles of a person who stands
 _ROTATION_SIGMA = {"pelvis": 0.39, "spine": 0.10, "hip": 0.47, "knee": 0.62, "shoulder": 0.70, "elbow": 0.84}
 """Radians, standard deviations of rotations fitted to world landmarks; of the other joints no truth is known.
 
-By ``benchmarks.truth.estimators``: the pelvis on four photos of mpi_inf_3dhp, the others on 15 frames of parkour, of
+Measured against true joints: the pelvis on four photos of mpi_inf_3dhp, the others on 15 frames of parkour, of
 the films for fits. There the errors about two of three axes are 8 degrees for the spine, which has three joints, 22 for
 hips, 29 for knees, 33 for shoulders and 39 for elbows.
 """
