@@ -42,7 +42,7 @@ QUICK := $(addprefix tests/, body/test_model.py body/test_parameters.py body/tes
 	engine/test_surface_terms.py engine/test_terms.py files geometry io/test_results.py metrics \
 	pipeline/test_mock_worlds.py pipeline/test_pipeline.py pipeline/test_stage_runner.py project/test_packaging.py \
 	project/test_public_api.py weights) plugins/physic-mock/tests/test_mock.py plugins/physic-setup/tests/test_config_schema.py \
-	$(addprefix plugins/physic-bench/tests/worlds/, test_evaluation.py test_summary.py) \
+	$(addprefix plugins/physic-bench/tests/, test_figures.py worlds/test_evaluation.py) \
 	$(addprefix plugins/physic-testing/tests/, \
 	conformance/test_kit.py \
 	conformance/test_requests_and_comparison.py worlds/test_labels.py worlds/test_rooms.py)

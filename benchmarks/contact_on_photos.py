@@ -32,8 +32,10 @@ from unittest.mock import patch
 import numpy as np
 from numpy.typing import NDArray
 
+from physic_core.metrics import match_by_boxes
+
 from .truth.contact import MIN_IOU, OF_RESULTS, TOUCHES
-from .truth.measures import match_boxes, probability_scores
+from .truth.measures import probability_scores
 from .truth.scores import LIMBS
 from .truth.sets import FILMS_OF_FITS, SETS, Sample, picture_of
 
@@ -228,7 +230,7 @@ def judged_parts(
     boxes = [person["box"] for person in people]
     if "people" in sample.truth:
         truth = sample.truth["people"]
-        matched = match_boxes(boxes, [one["box"] for one in truth], MIN_IOU)
+        matched = match_by_boxes(boxes, [one["box"] for one in truth], MIN_IOU).predicted_of
         labels = {j: truth[i]["parts"] for i, j in matched.items()}
         return [
             (people[j], {part: TOUCHES[label] for part, label in own.items() if label is not None})

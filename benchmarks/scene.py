@@ -21,9 +21,16 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.kept_results import kept
+from physic_bench.kept import kept
 from physic_bench.worlds.world_evidence import noisy_config
-from physic_core.metrics import contact_counts, match_by_masks, mpjpe_mm, pa_mpjpe_mm, precision_recall_f1
+from physic_core.metrics import (
+    contact_counts,
+    markdown_table,
+    match_by_masks,
+    mpjpe_mm,
+    pa_mpjpe_mm,
+    precision_recall_f1,
+)
 
 NAMES = (
     "group",
@@ -158,14 +165,11 @@ def mean_of(rows: Iterable[Mapping[str, float]]) -> dict[str, float]:
 def print_table(rows: Mapping[str, Sequence[Mapping[str, float]]]) -> None:
     """Print a Markdown table of means over worlds or moments."""
     columns = list(dict.fromkeys(key for scores in rows.values() for row in scores for key in row))
-    print("|", " | ".join(["", "n", *columns]), "|")
-    print("|", " | ".join(["---"] * (len(columns) + 2)), "|")
+    table = [["", "n", *columns]]
     for name, scores in rows.items():
-        found = []
-        for column in columns:
-            values = [row[column] for row in scores if column in row]
-            found.append(f"{np.mean(values):.3g}" if values else "-")
-        print("|", " | ".join([name, str(len(scores)), *found]), "|")
+        values = [[row[column] for row in scores if column in row] for column in columns]
+        table.append([name, str(len(scores)), *(f"{np.mean(own):.3g}" if own else "-" for own in values)])
+    print(markdown_table(table))
 
 
 if __name__ == "__main__":

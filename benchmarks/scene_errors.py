@@ -20,8 +20,8 @@ import numpy as np
 from scipy.optimize import isotonic_regression
 from scipy.spatial.transform import Rotation
 
-from benchmarks.kept_results import kept
 from benchmarks.scene import NAMES, SIZE, world_seed
+from physic_bench.kept import kept
 from physic_bench.worlds.world_evidence import noisy_config
 from physic_core.metrics import match_by_masks
 

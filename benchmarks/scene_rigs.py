@@ -17,6 +17,10 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.truth.sets import SETS, picture_of
+from physic_bench.kept import kept
+from physic_core.metrics import align_similarity
+
 CHOSEN_ON = ("00004500", "00006859", "00013007")
 """Moments of panoptic on which numbers were chosen."""
 WRONG_CHOSEN_ON = ("view_0", "view_1")
@@ -87,9 +91,6 @@ def run_rigs(data: Path, out: Path, kinds: Sequence[str], most: int, *, apart: b
 
 def _photos(scene: Any, data: Path, out: Path) -> Iterator[RigPhoto]:
     """Yield the photos of both rigs, from results that are kept in a folder."""
-    from benchmarks.kept_results import kept
-    from benchmarks.truth.sets import SETS, picture_of
-
     for name in ("panoptic", "roundtable"):
         for sample in SETS[name](data / name):
 
@@ -260,17 +261,9 @@ def _hips(found: Any, group: Sequence[RigPhoto], truth: RigTruth, people: Sequen
     # Centres of cameras take part in the similarity: two people alone would fit any.
     centres = [photo.camera.centre for photo in found.photos]
     true = [group[photo.index].camera.centre for photo in found.photos]
-    moved = _similar(np.array([*own, *centres]), np.array([*fact, *true]))[: len(own)]
+    moved = align_similarity(np.array([*own, *centres]), np.array([*fact, *true]))[: len(own)]
     away, alone = (np.linalg.norm(np.array(x) - fact, axis=1).mean() for x in (moved, single))
     return {"hips mm": 1000 * float(away), "hips of single photos mm": 1000 * float(alone)}
-
-
-def _similar(source: Any, target: Any) -> Any:
-    """Return points (n, 3) after the similarity that fits them best to others (Umeyama 1991)."""
-    a, b = source - source.mean(0), target - target.mean(0)
-    u, s, vt = np.linalg.svd(b.T @ a)
-    sign = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
-    return (s * sign).sum() / (a**2).sum() * a @ ((u * sign) @ vt).T + target.mean(0)
 
 
 def _turn_deg(rotation: Any) -> float:

@@ -23,8 +23,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from benchmarks.contact_on_photos import samples_of
-from benchmarks.kept_results import kept
 from benchmarks.truth.sets import Sample, picture_of
+from physic_bench.kept import kept
 from physic_core.metrics import aligned_table, markdown_table
 
 from .changes import Change, change, table

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.metrics import ValueWithInterval, markdown_table
+from physic_core.metrics import ValueWithInterval, markdown_table, match_by_boxes
 from physic_core.types.skeletons import SIDES
 
-from .measures import SCORES, match_boxes, probability_scores
+from .measures import SCORES, probability_scores
 from .sets import FILMS_APART, FILMS_OF_FITS, Sample
 from .statistics import Record, Strata, figure, pooled
 from .table import Row
@@ -47,7 +47,7 @@ def score_labelled(sample: Sample, answer: Answer) -> tuple[list[dict[str, Any]]
     """The labelled people of a photo and their judged parts. Nothing touches of a person who is not found."""
     found = [person for person in answer["people"] if np.isfinite(np.array(person["joints"], np.float64)).all()]
     truth = sample.truth["people"]
-    matched = match_boxes([p["box"] for p in found], [one["box"] for one in truth], MIN_IOU)
+    matched = match_by_boxes([p["box"] for p in found], [one["box"] for one in truth], MIN_IOU).predicted_of
     people, parts = [], []
     for i, one in enumerate(truth):
         person = found[matched[i]] if i in matched else None

@@ -68,14 +68,6 @@ def box_of(points: Array) -> Array:
     return np.concatenate([low - margin, high + margin])
 
 
-def match_boxes(
-    boxes: Sequence[Sequence[float]], true_boxes: Sequence[Sequence[float]], least: float
-) -> dict[int, int]:
-    """True box -> found box, one to one, of pairs whose intersection over union is at least ``least``."""
-    iou = _iou(boxes, true_boxes)
-    return assign(-iou, iou >= least).predicted_of
-
-
 def _iou(boxes: Sequence[Sequence[float]], true_boxes: Sequence[Sequence[float]]) -> Array:
     """(N, M) of found and true boxes x0, y0, x1, y1."""
     return box_iou(*(np.array(some, np.float64).reshape(-1, 4) for some in (boxes, true_boxes)))

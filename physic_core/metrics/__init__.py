@@ -11,7 +11,7 @@ from physic_core.metrics.contact import (
 )
 from physic_core.metrics.geodesic import GeodesicError, distance_to_sources, geodesic_error, surface_graph
 from physic_core.metrics.intervals import DRAWS, ValueWithInterval, draw_counts, percentile_interval, resampled_interval
-from physic_core.metrics.matching import Matching, assign, mask_iou, match_by_masks
+from physic_core.metrics.matching import Matching, assign, mask_iou, match_by_boxes, match_by_masks
 from physic_core.metrics.physics import Penetration, contact_gap, penetration
 from physic_core.metrics.pose import BODY_JOINTS, align_similarity, mpjpe_mm, mpvpe_mm, pa_mpjpe_mm
 from physic_core.metrics.proximity import (
@@ -50,6 +50,7 @@ __all__ = [
     "hidden_by_depth_map",
     "markdown_table",
     "mask_iou",
+    "match_by_boxes",
     "match_by_masks",
     "mpjpe_mm",
     "mpvpe_mm",

@@ -5,12 +5,14 @@ The Hungarian method maximises the number of allowed matches, then minimises the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from physic_core.adapters.detections import box_iou
 from physic_core.errors import PhysicError
 
 if TYPE_CHECKING:
@@ -74,6 +76,21 @@ def match_by_masks(predicted: BoolArray, truth: BoolArray, min_iou: float = 0.5)
     """
     iou = mask_iou(predicted, truth)
     return assign(1.0 - iou, (iou >= min_iou) & (iou > 0))
+
+
+def match_by_boxes(
+    predicted: Sequence[Sequence[float] | FloatArray], truth: Sequence[Sequence[float] | FloatArray], min_iou: float
+) -> Matching:
+    """Match people by the overlap of their boxes.
+
+    Args:
+        predicted: N boxes x0 y0 x1 y1.
+        truth: M boxes.
+        min_iou: least IoU of a match.
+    """
+    boxes, others = (np.array([*some], np.float64).reshape(-1, 4) for some in (predicted, truth))
+    iou = box_iou(boxes, others)
+    return assign(-iou, iou >= min_iou)
 
 
 def assign(cost: FloatArray, allowed: BoolArray) -> Matching:

@@ -12,7 +12,6 @@ from physic_core.cli.output import echo
 from physic_core.errors import ConfigError, PhysicError
 
 if TYPE_CHECKING:
-    from physic_bench.worlds.results import Results
     from physic_bench.worlds.run_worlds import BenchmarkJob
     from physic_bench.worlds.world_evidence import WorldCase
     from physic_core.configuration.model import Config
@@ -108,7 +107,7 @@ def _measure_accuracy(options: _AccuracyOptions) -> None:
     trial, others = _split(options.overrides)
     config, noisy = _configs(options, trial, others)
 
-    from physic_bench.worlds.results import check_results
+    from physic_bench.tables import check_results
     from physic_core.cache.folders import cache_folder
     from physic_core.configuration.resolve import check_backends, require_available, resolve
     from physic_core.discovery.plugins import discover
@@ -173,9 +172,10 @@ def _configs(options: _AccuracyOptions, trial: list[str], others: list[str]) -> 
 
 def _run(cases: tuple[WorldCase, ...], work: BenchmarkJob, jobs: int, out: Path, settings: dict[str, Any]) -> None:
     """Run the benchmark, write the results and print the tables."""
-    from physic_bench.worlds.results import summarise_records, write_results
+    from physic_bench.tables import write_results
+    from physic_bench.worlds.results import document_of, notes_of, tables_of
     from physic_bench.worlds.run_worlds import run_cases
-    from physic_bench.worlds.tables import as_text
+    from physic_core.files.atomic import MARK
 
     records: list[dict[str, Any]] = []
     stopped: BaseException | None = None
@@ -186,11 +186,11 @@ def _run(cases: tuple[WorldCase, ...], work: BenchmarkJob, jobs: int, out: Path,
             echo(f"[{len(records)}/{len(cases)}] {record['name']} {record['seed']}{failed}", err=True)
     except (KeyboardInterrupt, PhysicError) as cause:  # raised again after the results are written
         stopped = cause
-    results: Results = summarise_records(records, cases, work, settings)
-    paths = [*write_results(results, out)]
-    if records:
-        echo("\n\n\n".join(map(as_text, results.tables)) + "\n")
-    echo(f"{len(records)} of {len(cases)} worlds; results: {', '.join(map(str, paths))}")
+    header = f"{len(records)} of {len(cases)} worlds, seed {settings['seed']}"
+    document = document_of(records, len(cases), work, settings)
+    paths = write_results(tables_of(records, work), out, header, notes_of(records, work), document)
+    echo(paths[0].read_text(encoding="utf-8").removesuffix(f"{MARK}\n"))
+    echo(f"wrote {', '.join(map(str, paths))}")
     if isinstance(stopped, PhysicError):
         raise stopped
     if stopped is not None:

@@ -1,4 +1,4 @@
-"""Calibrated cameras of the data sets, and pictures without the distortion of their lens."""
+"""Calibrated cameras of the data sets, pictures without the distortion of their lens, and people in the picture."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import numpy as np
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from physic_bench.contract import BenchPerson
 
     Array = NDArray[np.float64]
     Picture = NDArray[np.uint8]
@@ -39,7 +41,8 @@ class Camera:
     def project(self, points: Array) -> Array:
         """(..., 2) px of (..., 3) m of the world; NaN behind the camera."""
         inside = points @ self.R.T + self.t
-        depth = np.where(inside[..., 2:] > 1e-6, inside[..., 2:], np.nan)
+        with np.errstate(invalid="ignore"):
+            depth = np.where(inside[..., 2:] > 1e-6, inside[..., 2:], np.nan)
         pixels: Array = (inside / depth) @ self.K[:2].T
         return pixels
 
@@ -87,3 +90,22 @@ def undistorted(picture: Picture, K: Array, distortion: Array) -> Picture:
 
     straight: Picture = cv2.undistort(picture, K, np.asarray(distortion, np.float64))
     return straight
+
+
+def body_box(person: BenchPerson, K: Array) -> Array | None:
+    """Return the box (4,) px around a projected body, or around its joints; None if most of it is unknown."""
+    points = person.joints if person.vertices is None else person.vertices
+    return None if points is None else box_of_points(project(np.asarray(points, np.float64), K))
+
+
+def project(points: Array, K: Array) -> Array:
+    """Return the pixels (n, 2) of points (n, 3) m of the camera frame; NaN behind the camera."""
+    return Camera(np.asarray(K, np.float64), 0, 0).project(points)
+
+
+def box_of_points(pixels: Array) -> Array | None:
+    """Return the box (4,) px around the known pixels; None if most are unknown."""
+    known = pixels[np.isfinite(pixels).all(-1)]
+    if 2 * len(known) < len(pixels) or len(known) < 2:
+        return None
+    return np.concatenate([known.min(0), known.max(0)])

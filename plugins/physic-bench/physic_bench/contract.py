@@ -6,7 +6,7 @@ Lengths are metres and pixels. A camera frame is OpenCV's: x right, y down, z fo
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -38,11 +38,11 @@ class Picture:
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A triangle mesh, or points without faces.
+    """A triangle mesh.
 
     Attributes:
         vertices: (V, 3) m.
-        faces: (F, 3) int64, counter-clockwise seen from outside; (0, 3) for points.
+        faces: (F, 3) int64, counter-clockwise seen from outside.
     """
 
     vertices: Array
@@ -50,20 +50,20 @@ class Surface:
 
 
 @dataclass(frozen=True, eq=False)
-class TruePerson:
-    """Ground truth of one person, camera frame, metres; None is unknown.
+class BenchPerson:
+    """A person of a data set or of a result, OpenCV camera frame, metres; None is unknown.
 
     Attributes:
         name: unique in the frame.
         joints: (J, 3), NaN where unknown.
         joint_names: J names as in SMPL-X ("left_knee").
-        joint_source: where the joints come from, for the table.
+        joint_source: where true joints come from, for the table.
         vertices: (V, 3).
-        topology: name of the mesh ("smplx", "smpl"); "" without vertices and contact.
-        faces: (F, 3) int64, or None.
-        contact: (V,) bool, of the same topology unless ``contact_topology`` is given.
-        contact_topology: name of the mesh of ``contact``; "" is ``topology``.
-        labels: such as action and occlusion.
+        topology: name of the mesh ("smplx", "smpl"); "" without vertices.
+        contact: (V,) bool.
+        contact_topology: name of the mesh of ``contact``.
+        keypoints: (12, 2) px of ``physic_bench.joints.LIMB_JOINTS``, NaN where not seen; of a result.
+        grade: of a result, "" without.
     """
 
     name: str = "0"
@@ -72,10 +72,10 @@ class TruePerson:
     joint_source: str = ""
     vertices: Array | None = None
     topology: str = ""
-    faces: Array | None = None
     contact: Array | None = None
     contact_topology: str = ""
-    labels: Mapping[str, str] = field(default_factory=dict)
+    keypoints: Array | None = None
+    grade: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +89,7 @@ class Truth:
         camera_height: metres of the camera over the floor; NaN if unknown.
     """
 
-    people: tuple[TruePerson, ...] = ()
+    people: tuple[BenchPerson, ...] = ()
     scene: Surface | None = None
     up: Array | None = None
     camera_height: float = float("nan")
@@ -97,7 +97,7 @@ class Truth:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One picture of a data set; it can be pickled.
+    """One picture of a data set.
 
     Attributes:
         id: unique in the data set, fit for a file path ("vicon_03301_01/s001_frame_00001").
@@ -105,7 +105,6 @@ class Frame:
         camera: intrinsics with distortion, and the transform from the world.
         picture: the file, or None.
         truth: reads the ground truth.
-        labels: such as action and occlusion.
         group: pictures of one moment from several cameras share it; "" without such.
     """
 
@@ -114,33 +113,7 @@ class Frame:
     truth: Callable[[], Truth]
     camera: Camera
     picture: Picture | None = None
-    labels: Mapping[str, str] = field(default_factory=dict)
     group: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class PredictedPerson:
-    """One person of a method's result, OpenCV camera frame, metres; None is unknown.
-
-    Attributes:
-        vertices: (V, 3).
-        topology: name of the mesh of the vertices and of the contact.
-        joints: (J, 3).
-        joint_names: J names as in SMPL-X.
-        contact: (V,) bool.
-        contact_topology: name of the mesh of the contact; "" is ``topology``.
-        keypoints: (12, 2) px of ``physic_bench.joints.LIMB_JOINTS``, NaN where not seen.
-        grade: the method's own judgement, "" without.
-    """
-
-    vertices: Array | None = None
-    topology: str = ""
-    joints: Array | None = None
-    joint_names: tuple[str, ...] = ()
-    contact: Array | None = None
-    contact_topology: str = ""
-    keypoints: Array | None = None
-    grade: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,11 +123,9 @@ class Prediction:
     Attributes:
         people: best first.
         K: (3, 3) px that the method assumed, of the picture of the frame's camera; None if it states none.
-        scene_points: (M, 3) m, camera frame, or None.
         floor: (4,) normal and offset of the floor's plane, camera frame, or None.
     """
 
-    people: tuple[PredictedPerson, ...]
+    people: tuple[BenchPerson, ...]
     K: Array | None = None
-    scene_points: Array | None = None
     floor: Array | None = None

@@ -1,279 +1,258 @@
-"""Evaluate methods on a data set: check the frames of reference, score every frame, collect the records."""
+"""Evaluate methods on a data set: reconstruct its pictures, score every frame, and say what the figures depend on."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
+from statistics import median
 from typing import TYPE_CHECKING, Any
 
-from physic_bench.evaluation import Evaluation, Method
-from physic_bench.frame_of_results import check_frame
-from physic_bench.score_journal import SCORES, append_scores, known_scores, rules_digest, score_digest
+import numpy as np
+
+from physic_bench.cameras import body_box
+from physic_bench.readers import LAYOUTS, READERS
+from physic_bench.reading import DamagedFrameError, picture_file
 from physic_bench.scoring import score_frame
-from physic_bench.validation import checked_truth
-from physic_bench.wording import counted
+from physic_core.adapters.detections import box_iou
 from physic_core.errors import InputError, PhysicError
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    from physic_bench.carry import Carrier
-    from physic_bench.contract import Frame, Truth
-    from physic_bench.datasets.base import DataSet, FrameSet
-    from physic_bench.frame_of_results import FrameCheck
+    from physic_bench.bodies import BodyFiles
+    from physic_bench.contract import Frame, Prediction, Truth
+    from physic_bench.datasets.base import FrameSet
+    from physic_core.configuration.model import Config
 
     Record = dict[str, Any]
 
-CHECKED_FRAMES = 10
-"""Frames, spread over the data set, that decide in which frame of reference results are."""
+TIMEOUT_S = 1200.0
+MAX_DISTANCE_M = 200.0
+"""No person is annotated farther from the camera. Millimetres and world coordinates of a map are."""
 
-IN_PROCESS = 24
-"""Up to so many frames are scored without starting processes."""
+MIN_OVERLAP = 0.3
+"""Median overlap of the boxes of results and annotated people. Another frame or unit gives less than .1."""
 
-
-@dataclass(frozen=True)
-class MethodScores:
-    """The records of a method on a frame.
-
-    Attributes:
-        method: name.
-        digest: of everything that they depend on.
-        records: one per annotated person; None if the journal has them.
-    """
-
-    method: str
-    digest: str
-    records: tuple[Record, ...] | None
+NAMED = 5
+"""Frames without a result that the notes name."""
 
 
 @dataclass(frozen=True)
-class FrameScores:
-    """The scores of a frame.
+class Method:
+    """A method whose results are scored.
 
     Attributes:
-        frame: its id.
-        methods: scores of each method.
-        left_out: why the frame has none; "" if it has.
+        name: in the tables.
+        reader: of its results, a key of ``READERS``.
+        folder: of the results.
+        failures: frame id -> why there is no result.
     """
 
-    frame: str
-    methods: tuple[MethodScores, ...] = ()
-    left_out: str = ""
+    name: str
+    reader: str
+    folder: Path
+    failures: Mapping[str, str] = field(default_factory=dict)
+
+    def result(self, frame: Frame) -> tuple[Prediction | None, str]:
+        """Return the result of a frame, in the camera frame, or None and the reason."""
+        try:
+            found = READERS[self.reader](self.folder, frame)
+        except PhysicError as error:
+            return None, str(error)
+        return found, "" if found is not None else self.failures.get(frame.id, "no result")
 
 
 @dataclass(frozen=True, eq=False)
-class FrameScorer:
-    """Scores all methods on one frame; a worker process holds one.
+class Evaluation:
+    """Everything that was measured.
 
     Attributes:
-        methods: in order.
-        carrier: of contact between body meshes.
-        known: digests of the records that exist.
+        records: method -> one record per annotated person, of all frames in order.
+        notes: sentences that the figures depend on.
+        left_out: frame id -> why it is not scored.
     """
 
-    methods: tuple[Method, ...]
-    carrier: Carrier
-    known: frozenset[str] = frozenset()
-
-    def __call__(self, frame: Frame) -> FrameScores:
-        """Return the scores of a frame; damaged files become reasons."""
-        try:
-            truth = checked_truth(frame)
-        except PhysicError as error:
-            return FrameScores(frame.id, left_out=str(error))
-        return FrameScores(frame.id, tuple(self._scores(frame, truth, method) for method in self.methods))
-
-    def _scores(self, frame: Frame, truth: Truth, method: Method) -> MethodScores:
-        prediction, reason = None, method.failures.get(frame.id, "no result")
-        try:
-            prediction = method.result(frame)
-        except PhysicError as error:
-            reason = str(error)
-        reason = "" if prediction else reason
-        digest = score_digest(rules_digest(self.carrier), frame, truth, prediction, method.name, reason)
-        if digest in self.known:
-            return MethodScores(method.name, digest, None)
-        own = score_frame(frame, truth, prediction, method.name, self.carrier, reason)
-        if frame.group and prediction is not None:
-            own = [record | _world_hips(record, frame) for record in own]
-        return MethodScores(method.name, digest, tuple(own))
+    records: Mapping[str, Sequence[Record]]
+    notes: tuple[str, ...]
+    left_out: Mapping[str, str]
 
 
-def require_any_truth(frames: Sequence[Frame], root: Path) -> None:
-    """Read truths until one can be used.
+def reconstruct_frames(
+    frames: Sequence[Frame],
+    out: Path,
+    config: Config,
+    workers: int,
+    report: Callable[[str], None],
+    *,
+    with_camera: bool = True,
+) -> dict[str, str]:
+    """Reconstruct all pictures into a folder of ``physic batch``; what is done already stays.
+
+    Args:
+        frames: of the data set.
+        out: the folder.
+        config: of the batch.
+        workers: processes.
+        report: called with one line at a time.
+        with_camera: whether the pipeline gets the true camera.
+
+    Returns:
+        Frame id -> why it has no result.
 
     Raises:
-        InputError: no frame has one. The message has the first reason.
+        PhysicError: a backend cannot be loaded.
     """
-    reason = ""
+    from physic_core.batch.journal import read_journals
+    from physic_core.batch.photos import PhotoItem
+    from physic_core.batch.process import BatchJob
+    from physic_core.batch.run import plan_batch, run_batch, run_locally
+    from physic_core.batch.workers import WorkerSettings
+    from physic_core.files.atomic import check_writable
+
+    job = BatchJob(config, str(check_writable(out).resolve()), "numbers")
+    failed: dict[str, str] = {}
+    items = []
     for frame in frames:
         try:
-            checked_truth(frame)
-            return
-        except PhysicError as error:
-            reason = reason or str(error)
-    raise InputError(f"no frame of {root} can be evaluated: {reason}")
+            path = picture_file(frame, out / "pictures")
+        except InputError as error:
+            failed[frame.id] = str(error)
+            continue
+        K, lens = frame.camera.K, list(frame.camera.distortion)
+        camera = {"intrinsics": K[[0, 1, 0, 1], [0, 1, 2, 2]].tolist(), **({"distortion": lens} if any(lens) else {})}
+        items.append(PhotoItem(frame.id, str(path.resolve()), camera if with_camera else {}))
+    plan = plan_batch(items, job)
+    report(f"{len(items)} pictures: {len(plan.todo)} to reconstruct, {plan.done} done before")
+    executor = partial(run_locally, settings=WorkerSettings(workers, TIMEOUT_S, check_writable(out / "logs")))
+
+    def on_row(row: Mapping[str, Any]) -> None:
+        reason = f": {row['error']}: {row['message']}" if row["error"] else ""
+        report(f"{row['state']} {row['id']}{reason}")
+
+    run_batch(plan.todo, job, executor, out / "journal.jsonl", on_row)
+    last = read_journals(out, ("state", "error", "message")).last
+    rows = {item.id: last[item.id] for item in items if item.id in last}
+    return failed | {i: f"{row['error']}: {row['message']}" for i, row in rows.items() if row["state"] == "failed"}
 
 
-def evaluate_methods(
-    data_set: DataSet,
-    found: FrameSet,
-    methods: Sequence[Method],
-    carrier: Carrier,
-    root: Path,
-    workers: int,
-    report: Callable[[str], None] = lambda text: None,
-    out: Path | None = None,
-) -> Evaluation:
+def evaluate_methods(found: FrameSet, methods: Sequence[Method], files: BodyFiles) -> Evaluation:
     """Score methods on the frames of a data set.
 
     Args:
-        data_set: of the frames.
-        found: its frames.
+        found: frames.
         methods: at least one.
-        carrier: of contact between body meshes.
-        root: of the data set.
-        workers: processes.
-        report: called with one line at a time.
-        out: folder whose journal has the scores of earlier calls, and gets new ones; None is without.
+        files: body models, by which contact is carried between meshes.
 
     Raises:
-        OutputError: another evaluation is writing this folder.
-        InputError: a method has no result of any frame, its results fit in no frame of reference, or no frame has a
-            truth that can be read.
+        InputError: a method has no result of any frame, its results do not fall on the annotated people, or no frame
+            has a truth that can be read.
     """
-    for method in methods:
-        _require_results(found.frames, method)
-    if data_set.needs_results(found):
-        results = {frame.id: methods[0].result_or_none(frame) for frame in found.frames}
-        found = data_set.complete(found, results, methods[0].name, root)
-    require_any_truth(found.frames, root)
-    checks = {method.name: _check(found.frames, method) for method in methods}
-    for name, check in checks.items():
-        report(f"{name}: {check.sentence()}")
-    methods = [replace(method, frame=checks[method.name].frame) for method in methods]
-    records, left_out = _all_scores(found, methods, carrier, workers, out, report)
-    ordered = [record for frame in found.frames for record in records.get(frame.id, ())]
-    kept = tuple(frame for frame in found.frames if frame.id not in left_out)
-    return Evaluation(tuple(methods), kept, checks, tuple(_with_spread(ordered)), found.notes, left_out)
-
-
-def _all_scores(
-    found: FrameSet,
-    methods: Sequence[Method],
-    carrier: Carrier,
-    workers: int,
-    out: Path | None,
-    report: Callable[[str], None],
-) -> tuple[dict[str, list[Record]], dict[str, str]]:
-    """Return frame id -> records, and frame id -> why it is skipped; the journal gets new scores."""
-    from physic_core.batch.journal import Journal
-    from physic_core.files.atomic import check_writable
-
-    known = {} if out is None else known_scores(out)
-    scorer = FrameScorer(tuple(methods), carrier, frozenset(known))
-    records: dict[str, list[Record]] = {}
-    left_out, old = dict(found.left_out), 0
-    with nullcontext() if out is None else Journal(check_writable(out / SCORES) / "journal.jsonl") as journal:
-        for scores in _scored(found.frames, scorer, workers):
-            if scores.left_out:
-                left_out[scores.frame] = scores.left_out
-            for score in scores.methods:
-                if score.records is None:
-                    old += 1
-                elif journal is not None:
-                    append_scores(journal, scores.frame, score.method, score.digest, score.records)
-                own = known[score.digest] if score.records is None else score.records
-                records.setdefault(scores.frame, []).extend(own)
-    if old:
-        report(f"{old} of {counted(len(methods) * len(found.frames), 'score')} unchanged, from {SCORES}/journal.jsonl")
-    return records, left_out
-
-
-def _scored(frames: Sequence[Frame], scorer: FrameScorer, workers: int) -> Iterable[FrameScores]:
-    if workers < 2 or len(frames) <= IN_PROCESS:
-        yield from map(scorer, frames)
-        return
-    from physic_core.batch.workers import WorkerSettings, run_in_workers
-
-    for outcome in run_in_workers(list(frames), partial(_same, scorer), WorkerSettings(workers)):
-        if outcome.failure:
-            yield FrameScores(outcome.task.id, left_out=f"{outcome.failure}: {outcome.message}")
-        else:
-            yield outcome.value
-
-
-def _same(scorer: FrameScorer) -> FrameScorer:
-    return scorer
-
-
-def _require_results(frames: Sequence[Frame], method: Method) -> None:
-    """Refuse a folder without a result of any frame.
-
-    Raises:
-        InputError: with the files that the reader expects, or why the first result cannot be read.
-    """
-    reason = ""
-    for frame in frames:
+    if found.completed is not None:
+        found = found.completed({frame.id: methods[0].result(frame)[0] for frame in found.frames}, methods[0].name)
+    records: dict[str, list[Record]] = {method.name: [] for method in methods}
+    overlaps: dict[str, list[float]] = {method.name: [] for method in methods}
+    left_out = dict(found.left_out)
+    several = len({frame.sequence for frame in found.frames}) > 1
+    for frame in found.frames:
         try:
-            if method.result(frame) is not None:
-                return
+            truth = checked_truth(frame)
         except PhysicError as error:
-            reason = reason or str(error)
-    reason = reason or next((method.failures[frame.id] for frame in frames if frame.id in method.failures), "")
-    folder = method.reader.folder
-    if reason:
-        raise InputError(f"no result of {method.name} in {folder} can be used; the first: {reason}")
-    raise InputError(
-        f"{folder} has no result of {method.name} for any of {counted(len(frames), 'frame')}, such as {frames[0].id}. "
-        f"The reader '{method.reader.name}' expects {method.reader.layout}"
-    )
-
-
-def _check(frames: Sequence[Frame], method: Method) -> FrameCheck:
-    samples = []
-    for frame in _spread_out(frames):
-        try:
-            prediction = method.result(frame)
+            left_out[frame.id] = str(error)
+            continue
+        for method in methods:
+            prediction, reason = method.result(frame)
+            group = frame.sequence if several else frame.group or frame.id
+            for record in score_frame(frame, truth, prediction, files, reason):
+                hips = record.pop("hips_m", None)
+                if hips is not None and frame.group:
+                    record["hips_world_m"] = frame.camera.in_world(np.asarray(hips)).tolist()
+                records[method.name].append(record | {"group": group})
             if prediction is not None:
-                samples.append((frame, checked_truth(frame), prediction))
-        except PhysicError:
-            continue  # scoring reports it
-        if len(samples) == CHECKED_FRAMES:
-            break
-    return check_frame(samples, method.name)
+                overlaps[method.name] += _overlaps(frame, truth, prediction)
+    if not any(records.values()):
+        raise InputError(f"no frame can be evaluated: {next(iter(left_out.values()), 'nobody is annotated')}")
+    notes = list(found.notes)
+    for method in methods:
+        _require_results(method, records[method.name], overlaps[method.name])
+        _add_spread(records[method.name])
+        notes += _notes(method.name, records[method.name])
+    if left_out:
+        notes.append(f"{len(left_out)} frames skipped; results.json has the reasons")
+    return Evaluation(records, tuple(notes), left_out)
 
 
-def _spread_out(frames: Sequence[Frame]) -> list[Frame]:
-    """Return all frames, the first of them spread over all."""
-    step = max(len(frames) // CHECKED_FRAMES, 1)
-    return [frame for start in range(step) for frame in frames[start::step]]
+def checked_truth(frame: Frame) -> Truth:
+    """Return the truth of a frame.
+
+    Raises:
+        DamagedFrameError: a file is damaged, or a body is not in metres.
+    """
+    truth = frame.truth()
+    for person in truth.people:
+        points = person.joints if person.vertices is None else person.vertices
+        if points is not None and np.isfinite(points).any():
+            distance = float(np.nanmedian(np.linalg.norm(points, axis=-1)))
+            if distance > MAX_DISTANCE_M:
+                raise DamagedFrameError(f"an annotated person is {distance:.0f} m away: lengths must be metres")
+    return truth
 
 
-def _world_hips(record: Record, frame: Frame) -> Record:
-    """Return the predicted middle of the hips in the world as an entry of a record."""
-    hips = record.pop("hips_m", None)
-    if hips is None:
-        return {}
-    import numpy as np
+def _overlaps(frame: Frame, truth: Truth, prediction: Prediction) -> list[float]:
+    """Return the best overlap of the box of each annotated person with those of a result."""
+    K = frame.camera.K if prediction.K is None else prediction.K
+    true = [box for person in truth.people if (box := body_box(person, frame.camera.K)) is not None]
+    own = [box for person in prediction.people if (box := body_box(person, K)) is not None]
+    if not true or not prediction.people:
+        return []
+    best: list[float] = box_iou(np.array(true), np.array(own).reshape(-1, 4)).max(1, initial=0.0).tolist()
+    return best
 
-    return {"hips_world_m": frame.camera.in_world(np.asarray(hips)).tolist()}
+
+def _require_results(method: Method, records: Sequence[Record], overlaps: Sequence[float]) -> None:
+    """Refuse a folder without a result of any frame, and results in another frame of reference."""
+    if not any(record["has_result"] for record in records):
+        raise InputError(
+            f"{method.folder} has no result of {method.name} for any of {len({r['frame'] for r in records})} frames; "
+            f"{records[0]['frame']}: {records[0]['reason']}. The reader '{method.reader}' expects "
+            f"{LAYOUTS[method.reader]}"
+        )
+    if overlaps and median(overlaps) < MIN_OVERLAP:
+        raise InputError(
+            f"the results of {method.name} do not project onto the annotated people: median overlap of the boxes "
+            f"{median(overlaps):.2f}. They must be of these pictures, in metres, in OpenCV's camera frame (x right, y "
+            "down, z forward)"
+        )
 
 
-def _with_spread(records: Sequence[Record]) -> list[Record]:
+def _add_spread(records: Sequence[Record]) -> None:
     """Add to one record of each person of a moment how far apart the views put their hips."""
-    import numpy as np
-
-    places: dict[tuple[str, str, str], list[Record]] = {}
+    places: dict[tuple[str, str], list[Record]] = {}
     for record in records:
-        record.pop("hips_m", None)
         if "hips_world_m" in record:
-            places.setdefault((record["method"], record["group"], record["person"]), []).append(record)
+            places.setdefault((record["moment"], record["person"]), []).append(record)
     for own in places.values():
         if len(own) > 1:
             points = np.array([record["hips_world_m"] for record in own])
             own[0]["spread_mm"] = 1000 * math.sqrt(float(np.square(points - points.mean(0)).sum(-1).mean()))
-    return list(records)
+
+
+def _notes(name: str, records: Sequence[Record]) -> list[str]:
+    """Return the sentences about a method that a reader of the table needs."""
+    notes = []
+    if joints := sorted({r["joints"] for r in records if "joints" in r}):
+        notes.append(f"{name}: joints compared: {', '.join(joints)}")
+    for way in sorted({str(r[key]) for r in records for key in ("carried", "contact_carried") if key in r}):
+        notes.append(f"{name}: approximation: {way} carried over the T-poses")
+    notes += [f"{name}: not measured: {text}" for text in sorted({t for r in records for t in r["unmeasured"]})]
+    lost = {r["frame"]: r["reason"] for r in records if not r["has_result"]}
+    if lost:
+        named = ", ".join(f"{frame} ({reason})" for frame, reason in [*lost.items()][:NAMED])
+        more = f", and {len(lost) - NAMED} more in results.json" if len(lost) > NAMED else ""
+        notes.append(
+            f"{name}: {len(lost)} of {len({r['frame'] for r in records})} frames without a result: {named}{more}"
+        )
+    missed = sum(not r["found"] for r in records)
+    if missed:
+        notes.append(f"{name}: {missed} of {len(records)} people without a body; contact counts them as missed")
+    return notes

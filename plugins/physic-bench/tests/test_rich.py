@@ -11,8 +11,8 @@ import pytest
 import trimesh
 from PIL import Image
 
-from physic_bench.carry import Carrier
-from physic_bench.datasets.rich import DATA_SET, RichOptions
+from physic_bench.datasets.base import Choice
+from physic_bench.datasets.rich import DATA_SET
 from physic_core.body.joints import JOINT_NAMES
 
 from .miniatures import STANDING, Files, figures, python2_pickle, rigid, rotation, run, write_plain
@@ -71,7 +71,6 @@ def true_people(root: Path, files: Files, view: int) -> tuple[np.ndarray, np.nda
 
 
 def test_bodies_views_and_contact_of_both_meshes(root: Path, files: Files, tmp_path: Path):
-    carrier = Carrier(files.bodies)
     truth = np.zeros(6890, bool)
     truth[:100] = True
     behind = np.array([0, 0, 0.05])
@@ -79,7 +78,7 @@ def test_bodies_views_and_contact_of_both_meshes(root: Path, files: Files, tmp_p
         vertices, joints = true_people(root, files, view)
         vertices, joints = vertices[::-1] + behind, joints[::-1] + behind
         name = f"{SEQUENCE}/00042/{view}"
-        contact = np.stack([carrier.contact(truth, "smpl", "smplx")] * 2)
+        contact = np.stack([files.bodies.carry_contact(truth, "smpl", "smplx")] * 2)
         arrays = {"joints": joints, "joint_names": np.array(JOINT_NAMES[:22]), "contact": contact}
         write_plain(tmp_path / "theirs", name, vertices=vertices, **arrays)
     arguments = ["rich", str(root), "-o", str(tmp_path / "out"), *files.arguments()]
@@ -90,7 +89,7 @@ def test_bodies_views_and_contact_of_both_meshes(root: Path, files: Files, tmp_p
     assert (found["me_mpjpe"], found["me_pve"]) == pytest.approx((50, 50), abs=0.01)
     assert found["recall@annotated"] > 0.7  # carried to 10475 vertices and back
     assert found["precision@annotated"] > 0.7
-    assert "contact carried from smplx to smpl over the T-poses" in (tmp_path / "out" / "table.txt").read_text()
+    assert "contact from smplx to smpl carried over the T-poses" in (tmp_path / "out" / "table.txt").read_text()
     # Both views put the hips 5 cm behind, each along its own axis.
     assert found["spread_mm"] == pytest.approx(50 * np.sin(np.radians(35 / 2)), abs=0.1)
 
@@ -99,10 +98,9 @@ def test_contact_of_the_coloured_mesh_and_the_camera(root: Path, files: Files, t
     root = Path(shutil.copytree(root, tmp_path / "the set"))
     for published in (root / "human_scene_contact").rglob("*.pkl"):
         published.unlink()
-    frames = DATA_SET.frames(root, RichOptions(), files.bodies).frames
+    frames = DATA_SET.frames(root, Choice(), files.bodies, "test").frames
     assert [frame.id for frame in frames] == [f"{SEQUENCE}/00042/{view}" for view in VIEWS]
     truth = frames[1].truth()
     assert [int(person.contact.sum()) for person in truth.people] == [50, 50]  # type: ignore[union-attr]
     assert frames[1].camera.distortion == (-0.01, 0.02, 0, 0, 0)  # type: ignore[union-attr]
     np.testing.assert_allclose(truth.people[0].vertices, true_people(root, files, 3)[0][0], atol=1e-4)
-    assert frames[0].labels == {"action": "lunge"}

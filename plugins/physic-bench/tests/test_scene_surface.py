@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from physic_bench.contract import Surface
-from physic_bench.scene_surface import EXACT_WITHIN_M, SceneIndex, contact_by_rule
+from physic_bench.scene_surface import SceneIndex, contact_by_rule
 from physic_core.body.convert.nearest_surface import closest_barycentric
 from physic_core.errors import InputError
 
@@ -21,10 +21,10 @@ def test_a_large_box_has_the_distance_of_a_box():
     points = np.random.default_rng(0).uniform(-2.4, 2.4, (500, 3))
     outside = np.abs(points) - np.array([2, 1, 1.5])
     expected = np.linalg.norm(np.maximum(outside, 0), axis=1) + np.minimum(outside.max(1), 0)
-    found = index.signed_distance(points, reach=5.0)
-    near = np.abs(expected) < EXACT_WITHIN_M
-    np.testing.assert_allclose(found[near], expected[near], atol=1e-9)
-    np.testing.assert_allclose(found, expected, atol=0.01)
+    found = index.signed_distance(points, reach=0.5)
+    near = np.abs(expected) < 0.5
+    assert near.sum() > 100
+    np.testing.assert_allclose(found, np.where(near, expected, np.inf), atol=1e-9)
 
 
 def test_near_points_are_exact_on_a_scan_of_mixed_triangles():
@@ -38,10 +38,10 @@ def test_near_points_are_exact_on_a_scan_of_mixed_triangles():
     shares = closest_barycentric(np.broadcast_to(corners, (150, *corners.shape)), points[:, None])
     apart = np.linalg.norm((shares[..., None] * corners).sum(-2) - points[:, None], axis=-1).min(1)
     found = np.abs(SceneIndex.build(surface(both)).signed_distance(points))
-    near = apart < EXACT_WITHIN_M
+    near = apart < 0.15
     assert near.sum() > 50
     np.testing.assert_allclose(found[near], apart[near], atol=1e-9)
-    assert (found >= apart - 1e-9).all()
+    assert np.isinf(found[~near]).all()
 
 
 def test_contact_is_near_or_a_little_inside():

@@ -1,4 +1,4 @@
-"""Data sets, by name."""
+"""Data sets, by name; each is a module of this package with a ``DATA_SET``."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ DATA_SETS = {
     "rich": "RICH: bodies, contact and scans before several cameras",
     "calibrated": "your own photos with known cameras: truth.json, or cameras.json for several views",
 }
-"""Name -> summary; each is a module of this package, with "_" for "-"."""
+"""Name -> summary."""
 
 
 def data_set(name: str) -> DataSet:
     """Return a data set by its name, which must be a key of DATA_SETS."""
-    found: DataSet = import_module(f"{__name__}.{name.replace('-', '_')}").DATA_SET
+    found: DataSet = import_module(f"{__name__}.{name}").DATA_SET
     return found

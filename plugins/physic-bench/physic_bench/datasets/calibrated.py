@@ -1,23 +1,40 @@
-"""Photos with known cameras: one view with measured joints (truth.json), or several views (cameras.json)."""
+"""Photos of your own with known cameras: one view with measured joints, or several views of one moment.
+
+ROOT holds the photos, and either truth.json, a list of photos:
+
+    [{"image": "a.jpg", "width": 1920, "height": 1080, "K": 3 x 3 px, "dist": [k1, k2, p1, p2, k3],
+      "joints": {"left_hip": [x, y, z], ...} in m in the camera frame, or "people": [{"joints": {...}}, ...],
+      "up": [x, y, z] or null, "floor_point": [x, y, z] or null, "sequence": "..."}, ...]
+
+or cameras.json, with photos CAMERA_MOMENT.jpg, or CAMERA.jpg where there is one moment:
+
+    {"cameras": {"left": {"width", "height", "K", "dist", "R": 3 x 3, "t_m": 3}, ...}, "up": [x, y, z] or no "up"}
+
+X_camera = R X_world + t_m; the floor is at the origin of the world. joints.json may have the joints of each moment in
+the world, {"MOMENT": [{"left_hip": [x, y, z], ...}, ...]}.
+
+Pictures are undistorted before they are reconstructed, and the camera is given. Names of joints are SMPL-X's; l_ and r_
+stand for left_ and right_. Without joints.json, joints are triangulated from the 2D keypoints of the first method, from
+at least three views: that truth shares errors with the method that it judges.
+"""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from physic_bench.cameras import Camera, calibrated
-from physic_bench.contract import Frame, Picture, TruePerson, Truth
-from physic_bench.datasets.base import DataSet, DataSource, Description, FrameSet, NoOptions, evenly
-from physic_bench.joints import LIMB_JOINTS, full_names, is_upright, limb_joints
+from physic_bench.contract import BenchPerson, Frame, Picture, Truth
+from physic_bench.datasets.base import DataSet, FrameSet
+from physic_bench.joints import LIMB_JOINTS, full_names, limb_joints
+from physic_bench.reading import numbers, read_json, reading
 from physic_bench.triangulation import match_views, visible_joints
-from physic_bench.wording import counted
-from physic_core.errors import InputError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -32,187 +49,103 @@ MIN_VISIBLE = 8
 
 SUFFIXES = (".jpg", ".jpeg", ".png")
 
-TREE = """\
-ROOT/
-  truth.json        a list of photos: [{"image": "a.jpg", "width": 1920, "height": 1080, "K": 3 x 3 px,
-                      "dist": [k1, k2, p1, p2, k3], "joints": {"left_hip": [x, y, z], ...} in m in the camera frame,
-                      "up": [x, y, z] or null, "floor_point": [x, y, z] or null, "sequence": "...", "action": "..."}]
-                      "people": [{"joints": {...}}, ...] instead of "joints" for several people
-  a.jpg ...
-or
-ROOT/
-  cameras.json      {"cameras": {"left": {"width", "height", "K", "dist", "R": 3 x 3, "t_m": 3}, ...},
-                      "up": [x, y, z] of the world, or no "up"}; X_camera = R X_world + t_m; the floor is at the origin
-  joints.json       optional: {"MOMENT": [{"left_hip": [x, y, z] in m in the world, ...}, ...]}
-  left_MOMENT.jpg   one photo per camera and moment; CAMERA.jpg where there is one moment"""
+
+def missing(root: Path, pictures: bool) -> list[str]:
+    """Return the missing files."""
+    truth, cameras = root / "truth.json", root / "cameras.json"
+    if truth.is_file():
+        with reading(truth):
+            paths = [root / record["image"] for record in read_json(truth)]
+        return [f"{path}: the photo is not there" for path in paths if not path.is_file()]
+    if not cameras.is_file():
+        return [f"{root}: has neither truth.json nor cameras.json"]
+    with reading(cameras):
+        names = list(read_json(cameras)["cameras"])
+    return [f"{root}/{name}*.jpg: no photo of camera '{name}'" for name in names if not _photos(root, name)]
 
 
-class Calibrated(DataSet):
-    """Reads truth.json and cameras.json."""
-
-    name: ClassVar[str] = "calibrated"
-    summary: ClassVar[str] = "your own photos with known cameras"
-
-    def describe(self) -> Description:
-        """Return how to write such a folder."""
-        return Description(
-            "Photos of your own with known cameras, with measured joints or from several views.",
-            (DataSource("photos and calibration", "your laboratory", "yours"),),
-            TREE,
-            (
-                "Pictures are undistorted before they are reconstructed, and the camera is given.",
-                "Joints are compared by name: 22 body joints if all are there, else shoulders, elbows, wrists, hips, "
-                "knees and ankles. Names are SMPL-X's; l_ and r_ stand for left_ and right_.",
-                "Without joints.json, joints of several views are triangulated from the 2D keypoints of the first "
-                "method: robustly, from at least three views. That truth shares errors with the method that it judges.",
-                "The spread of one pelvis over the views needs no truth.",
-            ),
-        )
-
-    def check(self, root: Path, options: NoOptions, *, pictures: bool = True) -> list[str]:
-        """Return the missing files."""
-        if (root / "truth.json").is_file():
-            records = _json(root / "truth.json")
-            if not isinstance(records, list):
-                return [f"{root / 'truth.json'}: must hold a list of photos, got a {type(records).__name__}"]
-            return [problem for i, record in enumerate(records) for problem in _record_problems(root, i, record)]
-        if not (root / "cameras.json").is_file():
-            return [f"{root}: has neither truth.json nor cameras.json"]
-        cameras = _json(root / "cameras.json").get("cameras", {})
-        missing = [
-            f"{root / 'cameras.json'}: camera '{name}' has no {key}"
-            for name, record in cameras.items()
-            for key in ("width", "height", "dist", "R", "t_m")
-            if key not in record
-        ]
-        missing += [f"{root}/{name}*.jpg: no photo of camera '{name}'" for name in cameras if not _photos(root, name)]
-        return missing or ([] if cameras else [f"{root / 'cameras.json'}: names no camera under 'cameras'"])
-
-    def frames(self, root: Path, options: NoOptions, bodies: BodyFiles, limit: int | None = None) -> FrameSet:
-        """Return the photos; all views of a moment, or none."""
-        if (root / "truth.json").is_file():
-            return FrameSet(tuple(_single(root, record) for record in evenly(_json(root / "truth.json"), limit)))
-        return self._views(root, limit)
-
-    def _views(self, root: Path, limit: int | None) -> FrameSet:
-        document = _json(root / "cameras.json")
-        up = _up(document.get("up"))
-        moments = _json(root / "joints.json") if (root / "joints.json").is_file() else {}
-        frames = []
-        for name, record in document["cameras"].items():
-            camera, shown = calibrated(record)
-            camera = replace(camera, distortion=_distortion(record["dist"]))
-            for photo in _photos(root, name):
-                moment = photo.stem[len(name) + 1 :] or "0"
-                everybody = [limb_joints(joints, 3) for joints in moments.get(moment, ())]
-                picture = Picture(photo, crop=None if shown == _whole(record) else shown)
-                frames.append(
-                    Frame(
-                        photo.stem,
-                        moment,
-                        partial(_truth_of_view, camera, tuple(everybody), up),
-                        camera,
-                        picture,
-                        group=moment,
-                    )
-                )
-        notes = () if up is not None else ("up is not known (no 'up' in cameras.json): floors are not measured",)
-        count = None if limit is None else max(limit // len(document["cameras"]), 1)
-        chosen = evenly(sorted({frame.group for frame in frames}), count)
-        kept = [frame for frame in frames if frame.group in chosen]
-        return FrameSet(tuple(sorted(kept, key=lambda f: (f.group, f.id))), notes)
-
-    def needs_results(self, found: FrameSet) -> bool:
-        """Return whether some views have no joints."""
-        return any(frame.group and not frame.truth().people for frame in found.frames)
-
-    def complete(self, found: FrameSet, results: Mapping[str, Prediction | None], method: str, root: Path) -> FrameSet:
-        """Triangulate the joints of each moment without measured ones, from the 2D keypoints of the results."""
-        moments: dict[str, list[Frame]] = {}
-        for frame in found.frames:
-            moments.setdefault(frame.group, []).append(frame)
-        frames, notes, total = [], list(found.notes), 0
-        for views in moments.values():
-            if any(frame.truth().people for frame in views):
-                frames += views
-                continue
-            cameras = [frame.camera for frame in views]
-            keypoints = [_keypoints(results.get(frame.id)) for frame in views]
-            people = tuple(person.joints for person in match_views(cameras, keypoints))
-            total += len(people)
-            frames += [replace(f, truth=partial(_with_people, f.truth, f.camera, people)) for f in views]
-        who = counted(total, "person", "people")
-        notes.append(f"joints of {who} are triangulated from 2D keypoints of {method}: no independent truth")
-        return FrameSet(tuple(frames), tuple(notes), found.left_out)
+def frames(root: Path, choose: Callable[[list[str]], list[str]], bodies: BodyFiles) -> FrameSet:
+    """Return the photos."""
+    truth, cameras = root / "truth.json", root / "cameras.json"
+    if not truth.is_file():
+        with reading(cameras):
+            return _views(root, choose, read_json(cameras))
+    with reading(truth):
+        every = {Path(record["image"]).stem: _single(root, record) for record in read_json(truth)}
+    return FrameSet(tuple(every[name] for name in choose(list(every))))
 
 
 def _single(root: Path, record: Mapping[str, Any]) -> Frame:
-    camera = Camera(
-        np.array(record["K"], np.float64),
-        int(record["width"]),
-        int(record["height"]),
-        distortion=_distortion(record.get("dist")),
-    )
-    stem = Path(record["image"]).stem
-    labels = {key: str(record[key]) for key in ("action", "occlusion") if record.get(key) is not None}
-    load = partial(_truth_of_record, _people(record), record.get("up"), record.get("floor_point"))
-    return Frame(stem, str(record.get("sequence", stem)), load, camera, Picture(root / record["image"]), labels)
-
-
-def _people(record: Mapping[str, Any]) -> list[dict[str, Any]]:
-    return [{"joints": record["joints"]}] if "joints" in record else list(record["people"])
-
-
-def _truth_of_record(people: Sequence[Mapping[str, Any]], up: Any, floor_point: Any) -> Truth:
-    direction = None if up is None else np.array(up, np.float64)
-    height = float("nan")
-    if direction is not None and floor_point is not None:
-        height = -float(direction @ np.array(floor_point, np.float64))
+    K = numbers(record["K"], (3, 3), "K")
+    camera = Camera(K, int(record["width"]), int(record["height"]), distortion=_distortion(record.get("dist")))
+    people = [{"joints": record["joints"]}] if "joints" in record else record["people"]
+    up, height = record.get("up"), float("nan")
+    up = None if up is None else numbers(up, (3,), "up")
+    if up is not None and record.get("floor_point") is not None:
+        height = -float(up @ numbers(record["floor_point"], (3,), "floor_point"))
     persons = []
     for i, person in enumerate(people):
         named = full_names(person["joints"])
-        joints = np.array([list(place) for place in named.values()], np.float64)
-        posture = is_upright(limb_joints(person["joints"], 3), direction)
-        labels = {"posture": {True: "upright", False: "bent", None: "unknown"}[posture]}
-        persons.append(TruePerson(str(i), joints, tuple(named), "measured", labels=labels))
-    return Truth(tuple(persons), up=direction, camera_height=height)
+        joints = numbers([list(place) for place in named.values()], (len(named), 3), "joints")
+        persons.append(BenchPerson(str(i), joints, tuple(named), "measured"))
+    found = Truth(tuple(persons), up=up, camera_height=height)
+    stem = Path(record["image"]).stem
+    return Frame(stem, str(record.get("sequence", stem)), lambda: found, camera, Picture(root / record["image"]))
 
 
-def _truth_of_view(camera: Camera, people: tuple[Array, ...], up: Array | None) -> Truth:
+def _views(root: Path, choose: Callable[[list[str]], list[str]], document: Mapping[str, Any]) -> FrameSet:
+    up = None if document.get("up") is None else numbers(document["up"], (3,), "up")
+    up = None if up is None else up / np.linalg.norm(up)
+    measured = read_json(root / "joints.json") if (root / "joints.json").is_file() else {}
+    every: dict[str, Frame] = {}
+    for name, record in document["cameras"].items():
+        camera, shown = calibrated(record)
+        camera = replace(camera, distortion=_distortion(record["dist"]))
+        crop = None if shown == (0, 0, int(record["width"]), int(record["height"])) else shown
+        for photo in _photos(root, name):
+            moment = photo.stem[len(name) + 1 :] or "0"
+            people = [limb_joints(joints, 3) for joints in measured.get(moment, ())]
+            load = partial(_truth_of_view, camera, people, up, "measured")
+            every[photo.stem] = Frame(photo.stem, moment, load, camera, Picture(photo, crop=crop), moment)
+    kept = tuple(every[name] for name in choose(sorted(every, key=lambda name: (every[name].group, name))))
+    notes = () if up is not None else ("up is not known (no 'up' in cameras.json): floors are not measured",)
+    lacking = {frame.group for frame in kept} - set(measured)
+    return FrameSet(kept, notes, completed=partial(_triangulated, kept, notes, lacking, up) if lacking else None)
+
+
+def _triangulated(
+    frames: Sequence[Frame],
+    notes: tuple[str, ...],
+    lacking: set[str],
+    up: Array | None,
+    results: Mapping[str, Prediction | None],
+    method: str,
+) -> FrameSet:
+    """Return the frames with the joints of each moment without measured ones, from the 2D keypoints of results."""
+    found, total = [], 0
+    for moment, group in groupby(sorted(frames, key=lambda frame: frame.group), key=lambda frame: frame.group):
+        views = list(group)
+        if moment in lacking:
+            seen = [() if (r := results.get(f.id)) is None else r.people for f in views]
+            keypoints = [[p.keypoints for p in people if p.keypoints is not None] for people in seen]
+            people = [person.joints for person in match_views([f.camera for f in views], keypoints)]
+            total += len(people)
+            source = "triangulated from 2D keypoints"
+            views = [replace(f, truth=partial(_truth_of_view, f.camera, people, up, source)) for f in views]
+        found += views
+    note = f"joints of {total} people are triangulated from 2D keypoints of {method}: no independent truth"
+    return FrameSet(tuple(found), (*notes, note))
+
+
+def _truth_of_view(camera: Camera, people: Sequence[Array], up: Array | None, source: str) -> Truth:
     shown = [
-        TruePerson(str(i), camera.in_camera(joints), LIMB_JOINTS, "measured")
+        BenchPerson(str(i), camera.in_camera(joints), LIMB_JOINTS, source)
         for i, joints in enumerate(people)
         if visible_joints(camera, joints).sum() >= min(MIN_VISIBLE, int(np.isfinite(joints).all(-1).sum()))
     ]
     if up is None:
         return Truth(tuple(shown))
     return Truth(tuple(shown), up=camera.R @ up, camera_height=float(camera.centre @ up))
-
-
-def _with_people(load: Any, camera: Camera, people: tuple[Array, ...]) -> Truth:
-    truth: Truth = load()
-    found = _truth_of_view(camera, people, None).people
-    return replace(truth, people=tuple(replace(p, joint_source="triangulated from 2D keypoints") for p in found))
-
-
-def _keypoints(prediction: Prediction | None) -> list[Array]:
-    if prediction is None:
-        return []
-    return [person.keypoints for person in prediction.people if person.keypoints is not None]
-
-
-def _record_problems(root: Path, i: int, record: Any) -> list[str]:
-    where = f"{root / 'truth.json'}, photo {i + 1}"
-    if not isinstance(record, dict):
-        return [f"{where}: must be an object, got a {type(record).__name__}"]
-    problems = [f"{where}: there is no '{key}'" for key in ("image", "width", "height", "K") if key not in record]
-    if "joints" not in record and "people" not in record:
-        problems.append(f"{where}: there is no 'joints' or 'people'")
-    if "K" in record and np.shape(record["K"]) != (3, 3):
-        problems.append(f"{where}: 'K' must be 3 x 3, got {np.shape(record['K'])}")
-    if "image" in record and not (root / record["image"]).is_file():
-        problems.append(f"{root / record['image']}: the photo is not there")
-    return problems
 
 
 def _photos(root: Path, camera: str) -> list[Path]:
@@ -223,33 +156,9 @@ def _photos(root: Path, camera: str) -> list[Path]:
     )
 
 
-def _whole(record: Mapping[str, Any]) -> tuple[int, int, int, int]:
-    return 0, 0, int(record["width"]), int(record["height"])
-
-
 def _distortion(given: Any) -> tuple[float, float, float, float, float]:
-    values = [0.0] * 5 if given is None else [float(v) for v in given]
-    if len(values) not in (4, 5):
-        raise InputError(f"distortion must be k1, k2, p1, p2, k3, got {len(values)} numbers")
-    k1, k2, p1, p2, *k3 = values
+    k1, k2, p1, p2, *k3 = numbers([0.0] * 5 if given is None else given, (-1,), "dist").tolist()
     return k1, k2, p1, p2, k3[0] if k3 else 0.0
 
 
-def _up(given: Any) -> Array | None:
-    if given is None:
-        return None
-    direction = np.array(given, np.float64)
-    if direction.shape != (3,) or not np.linalg.norm(direction) > 0:
-        raise InputError(f"up must be three numbers that are not all zero, got {direction.tolist()}")
-    unit: Array = direction / np.linalg.norm(direction)
-    return unit
-
-
-def _json(path: Path) -> Any:
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise InputError(f"{path} is not valid JSON ({error}): it is damaged or truncated") from error
-
-
-DATA_SET = Calibrated()
+DATA_SET = DataSet("calibrated", __doc__, missing, frames)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
+from physic_bench.worlds.columns import BINS
 from physic_core.engine.limbs import observed_parts
 from physic_core.types import SURFACE_NAMES
 
@@ -17,27 +18,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, ContactPartner, FloatArray
     from physic_testing.worlds import World
-
-BINS = 10
-"""Number of bins of the reliability diagram, of equal width."""
-
-PARTNER_METRICS = {
-    "partner_accuracy": "of the vertices that truly touch anything and are found in contact, those whose partner is "
-    "right: floor; the class of the scene's surface; the person; the part of the own body; a small object. A scene "
-    "surface of unknown class counts as right",
-    "scene_contact_f1": "of contact with floor, scene and hidden supports; vertices of all people together",
-    "people_contact_f1": "of contact with other people",
-    "self_contact_f1": "of contact with the own body",
-    "item_recall": "of the vertices that truly touch a small object, those in contact with something of class object",
-    "support_f1": "of the body parts that carry a person; found are the parts of at least ten vertices in contact with "
-    "floor, scene or a hidden support",
-    "brier": "mean square of probability of contact minus truth, over all outer vertices",
-    "ece": f"expected calibration error over all outer vertices, in {BINS} bins of probability",
-    "ece_likely": "the same over the vertices with a probability of at least one tenth",
-    "ece_seen": "ece over the vertices of limbs whose end the photo truly shows",
-    "ece_unseen": "ece over the vertices of the other limbs",
-}
-"""Metric of contact partners -> definition."""
 
 _FEWEST = 10  # vertices of a body part that carries
 _GROUND = ("floor", "ground", "rug")

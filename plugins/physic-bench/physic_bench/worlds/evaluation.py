@@ -1,7 +1,7 @@
 """Metrics of one reconstruction against the ground truth of its world, for every person.
 
 Joint errors use the first 22 SMPL-X joints, pelvis to wrists (:data:`physic_core.metrics.BODY_JOINTS`).
-:data:`PERSON_METRICS` and :data:`WORLD_METRICS` define all metrics.
+:data:`physic_bench.worlds.columns.COLUMNS` defines all metrics.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from physic_bench.worlds.contact_partners import NO_CONTACT, ContactMap, contact
 from physic_bench.worlds.support_scores import SupportScorer
 from physic_core.body import load_body
 from physic_core.errors import PhysicError
-from physic_core.geometry.mesh import vertex_areas, vertex_normals
 from physic_core.metrics import (
     BODY_JOINTS,
     PROXIMITY_RADIUS_M,
@@ -32,7 +31,6 @@ from physic_core.metrics import (
     mpvpe_mm,
     pa_mpjpe_mm,
     penetration,
-    precision_recall_f1,
     scene_distance,
     scene_error,
     surface_graph,
@@ -56,51 +54,6 @@ LIMB_JOINTS = (4, 5, 7, 8, 10, 11, 18, 19, 20, 21)
 
 _TRUE_PENETRATION_M = 0.01
 _SHOWN = 0.05
-
-PERSON_METRICS = {
-    "mpjpe_mm": "mean distance of 22 joints, nothing aligned",
-    "pa_mpjpe_mm": "the same after the best similarity",
-    "mpvpe_mm": "mean distance of all vertices, nothing aligned",
-    "hidden_limbs_pa_mm": "mean distance, after the similarity that fits all 22 joints best, of the knees, ankles, "
-    "feet, elbows and wrists that the photo does not show: outside it, or behind objects, people or the own body; "
-    "people without such joints have none",
-    "depth_error_mm": "pelvis, along z; positive where it is too far",
-    "precision": "of the contact vertices",
-    "recall": "of the contact vertices",
-    "f1": "of the person's own precision and recall",
-    "geodesic_fp_cm": "mean geodesic distance on the skin from a predicted contact vertex to the nearest true one; "
-    "none where either set is empty",
-    "geodesic_fn_cm": "mean geodesic distance on the skin from a true contact vertex to the nearest predicted one",
-    "penetration_mm": "mean depth, in the reconstructed scene and floor, of the vertices inside it; 0 where none is; "
-    "looking no farther than 150 mm; without vertices that an object truly hides, unless they truly touch, and without "
-    "those that this measure puts over 10 mm inside the true scene",
-    "penetration_max_mm": "of the deepest of these",
-    "penetration_share": "of the counted vertices, those inside",
-    "penetration_litres": "integral of the depth over the surface inside, as far as it faces the scene's: exact for a "
-    "plane",
-    "floating_mm": "mean distance, from the reconstructed scene or floor, of the vertices that truly touch what "
-    "the true point map or floor has within 50 mm; 0 inside, and 150 mm at most",
-    "floating_all_mm": "the same of all that truly touch, though it may be something that no photo shows",
-    "true_penetration_mm": "mean depth, in the true walls, ground and furniture, of the vertices inside them, after "
-    "the factor about the camera that gives the reconstructed scene its true median depth; 0 where none is, 150 mm at "
-    "most, and without vertices that truly are over 10 mm inside",
-    "true_floating_mm": "mean distance of the vertices that truly touch from the true scene, after the same factor; 0 "
-    "inside, and 150 mm at most",
-    "true_penetration_unscaled_mm": "true_penetration_mm with nothing aligned",
-    "true_floating_unscaled_mm": "true_floating_mm with nothing aligned",
-}
-"""Metric of a person -> definition."""
-
-WORLD_METRICS = {
-    "scene_point_mm": "median distance of the scene's points from the true scene without people, pixel by pixel",
-    "scene_depth_percent": "median of |Z - Z*| / Z*",
-    "scene_scale_percent": "|s - 1|, where s is the median depth over the true median depth",
-    "scene_scale_signed_percent": "s - 1",
-    "floor_angle_deg": "between the floors' normals; none where no floor was found",
-    "floor_height_mm": "size of the error of the floor's height under the people's feet",
-    "seconds": "of the engine",
-}
-"""Metric of a world -> definition."""
 
 
 @dataclass(frozen=True)
@@ -206,7 +159,7 @@ class Evaluator:
         """Return distance, visibility and contact metrics of every person in the ground truth."""
         world = self.world
         everybody = np.arange(len(world.masks))
-        touch = self._touch(everybody, self._near, world.vertices)
+        touch = self._touch(everybody, self._near)
         for facts, true in zip(touch, self._true_touch(everybody, world.vertices), strict=True):
             facts |= true
         seen, whole = world.masks.sum((1, 2)), world.unoccluded_masks.sum((1, 2))
@@ -236,7 +189,8 @@ class Evaluator:
                 f"{world.vertices.shape[1]}: only bodies of the mesh {world.topology} can be compared."
             )
         answers: list[dict[str, Any]] = [
-            {"found": False, "why": "no person was found there", **self._missed(i)} for i in range(len(world.masks))
+            {"found": False, "why": "no person was found there", **self._missed(i, estimate.contacts is not None)}
+            for i in range(len(world.masks))
         ]
         rows, true = matching.predicted, matching.truth
         finite = np.isfinite(estimate.vertices[rows]).all((1, 2)) & np.isfinite(estimate.joints[rows]).all((1, 2))
@@ -255,7 +209,7 @@ class Evaluator:
 
     def missed_records(self, why: str) -> list[dict[str, Any]]:
         """Return the records of all true people for a table row whose run failed."""
-        return [{"found": False, "why": why, **self._missed(i)} for i in range(len(self.world.masks))]
+        return [{"found": False, "why": why, **self._missed(i, True)} for i in range(len(self.world.masks))]
 
     def scene_record(self, estimate: WorldEstimate) -> dict[str, Any]:
         """Return the errors of scene and floor; empty if the estimate has no scene."""
@@ -270,7 +224,6 @@ class Evaluator:
             "scene_point_mm": 1000 * error.point_median,
             "scene_depth_percent": 100 * error.depth_relative_median,
             "scene_scale_percent": 100 * abs(scale),
-            "scene_scale_signed_percent": 100 * scale,
             "floor_angle_deg": floor.angle_deg,
             "floor_height_mm": 1000 * abs(floor.height),
             "scene_engine_scale": scene.scale,
@@ -297,16 +250,12 @@ class Evaluator:
         """Return the contact scores of matched people."""
         predicted, fact = estimate.contact[rows], self.world.contact[true]
         counts = contact_counts(predicted, fact)
-        precision, recall, f1 = precision_recall_f1(counts)
         skin = geodesic_error(self._graph, predicted, fact)
         return [
             {
                 "hits": int(counts.hits[j]),
                 "false_alarms": int(counts.false_alarms[j]),
                 "misses": int(counts.misses[j]),
-                "precision": float(precision[j]),
-                "recall": float(recall[j]),
-                "f1": float(f1[j]),
                 "geodesic_fp_cm": float(skin.false_positive_cm[j]),
                 "geodesic_fn_cm": float(skin.false_negative_cm[j]),
             }
@@ -335,11 +284,8 @@ class Evaluator:
         near = scene_distance(vertices, scene.points, scene.normals, scene.valid, estimate.intrinsics, scene.floor)
         error = scene_error(scene.points, self._empty, scene.valid, self._known)
         factor = math.exp(-error.log_scale) if math.isfinite(error.log_scale) else 1.0
-        scaled, unscaled = self._true_touch(true, factor * vertices), self._true_touch(true, vertices)
-        return [
-            {**touch, **own, **{name.replace("_mm", "_unscaled_mm"): value for name, value in raw.items()}}
-            for touch, own, raw in zip(self._touch(true, near, vertices), scaled, unscaled, strict=True)
-        ]
+        scaled = self._true_touch(true, factor * vertices)
+        return [{**touch, **own} for touch, own in zip(self._touch(true, near), scaled, strict=True)]
 
     def _true_touch(self, true: Indices, vertices: FloatArray) -> list[dict[str, float]]:
         """Return penetration and floating of vertices (n, V, 3) of true people relative to the true scene."""
@@ -354,40 +300,29 @@ class Evaluator:
             for j in range(len(true))
         ]
 
-    def _touch(self, true: Indices, near: SignedDistances, vertices: FloatArray) -> list[dict[str, float]]:
+    def _touch(self, true: Indices, near: SignedDistances) -> list[dict[str, float]]:
         """Return penetration and floating for given scene distances."""
-        world = self.world
-        facing = -(vertex_normals(vertices, world.faces) * near.normal).sum(-1)
-        inside = penetration(
-            near.distance, vertex_areas(vertices, world.faces), facing=facing, counted=self._counted[true]
-        )
+        inside = penetration(near.distance, np.ones(near.distance.shape), counted=self._counted[true])
         shown, every = (
-            contact_gap(near.distance, c[true], reach=PROXIMITY_RADIUS_M) for c in (self._shown, world.contact)
+            contact_gap(near.distance, c[true], reach=PROXIMITY_RADIUS_M) for c in (self._shown, self.world.contact)
         )
         return [
             {
                 "penetration_mm": 1000 * float(inside.mean_depth[j]),
                 "penetration_max_mm": 1000 * float(inside.max_depth[j]),
-                "penetration_share": float(inside.share[j]),
-                "penetration_litres": 1000 * float(inside.volume[j]),
                 "floating_mm": 1000 * float(shown[j]),
                 "floating_all_mm": 1000 * float(every[j]),
             }
             for j in range(len(true))
         ]
 
-    def _missed(self, i: int) -> dict[str, Any]:
-        """Return the contact scores of a missed person: all true contacts are misses, all scores 0."""
-        return {
-            "hits": 0,
-            "false_alarms": 0,
-            "misses": int(self.world.contact[i].sum()),
-            "precision": 0.0,
-            "recall": 0.0,
-            "f1": 0.0,
-            **contact_counts_by_partner(self.world, NO_CONTACT, 0, i, {}, self._part),
-            **self._support.counts(None, self.world.support[i]),
-        }
+    def _missed(self, i: int, partners: bool) -> dict[str, Any]:
+        """Return the contact counts of a missed person: all true contacts are misses."""
+        counts: dict[str, Any] = {"hits": 0, "false_alarms": 0, "misses": int(self.world.contact[i].sum())}
+        if partners:
+            counts |= contact_counts_by_partner(self.world, NO_CONTACT, 0, i, {}, self._part)
+            counts |= self._support.counts(None, self.world.support[i])
+        return counts
 
 
 def _action(world: World, person: int) -> str:

@@ -12,12 +12,6 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import BoolArray, Support
 
-SUPPORT_METRICS = {
-    "reported_support_f1": "of the body parts that carry a person; found are the parts of the person's support, hidden "
-    "supports included; true are the parts of at least ten carrying vertices, with seat and back as parts of their own",
-}
-"""Metric of reported supports -> definition."""
-
 _MIN_VERTICES = 10  # of a body part that carries, as in a reported support
 
 

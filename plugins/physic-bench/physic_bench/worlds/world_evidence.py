@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import json
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import physic_core
-from physic_bench.worlds.evidence_file import load_evidence, save_evidence
-from physic_core.pipeline.estimate import run_backends
+from physic_core.engine.joint.problem import OtherView
+from physic_core.engine.stance import Stance
+from physic_core.files.plain import DamagedFileError, read_value, write_value
+from physic_core.geometry.floor import FloorSearch
+from physic_core.pipeline.estimate import Estimates, run_backends
 from physic_core.pipeline.stage_runner import StageRunner
 
 if TYPE_CHECKING:
@@ -20,7 +24,6 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.configuration.model import Config
     from physic_core.configuration.resolve import ResolvedPipeline
-    from physic_core.pipeline.estimate import Estimates
     from physic_testing.worlds import World
 
 
@@ -71,6 +74,23 @@ def estimate_evidence(
     if path is not None:
         save_evidence(path, evidence)
     return evidence
+
+
+def save_evidence(path: Path, evidence: Estimates) -> None:
+    """Write evidence to a file atomically.
+
+    Raises:
+        OutputError: the folder cannot be written.
+    """
+    write_value(path, evidence)
+
+
+def load_evidence(path: Path) -> Estimates | None:
+    """Read evidence from a file; None if it is missing or damaged."""
+    with suppress(OSError, DamagedFileError):
+        found: Estimates = read_value(path, [Estimates, OtherView, FloorSearch, Stance])
+        return found
+    return None
 
 
 def evidence_key(case: WorldCase, plan: ResolvedPipeline) -> str:

@@ -10,12 +10,12 @@ import pytest
 import torch
 from click.testing import CliRunner
 
+from physic_bench.tables import write_results
 from physic_bench.worlds import run_worlds, world_evidence
-from physic_bench.worlds.evidence_file import load_evidence, save_evidence
-from physic_bench.worlds.results import summarise_records, write_results
+from physic_bench.worlds.results import document_of, notes_of, tables_of
 from physic_bench.worlds.run_worlds import BenchmarkJob, run_world
 from physic_bench.worlds.table_rows import ablation_rows, select_rows
-from physic_bench.worlds.world_evidence import WorldCase, estimate_evidence
+from physic_bench.worlds.world_evidence import WorldCase, estimate_evidence, load_evidence, save_evidence
 from physic_core.body import load_body
 from physic_core.cli import main
 from physic_core.configuration.model import load_config
@@ -118,7 +118,6 @@ def test_the_engine_is_better_than_a_start_with_errors():
     noisy = load_config(preset="mock", overrides=[f"{name}.options.noise=1" for name in INTERFACES])
     record = run_world(CASE, BenchmarkJob(noisy, select_rows("default", ["start", "full"]), None))
     start, full = (record["rows"][key]["people"][0] for key in ("start", "full"))
-    print({key: (start[key], full[key]) for key in ("pa_mpjpe_mm", "mpjpe_mm", "f1")})
     assert full["mpjpe_mm"] < start["mpjpe_mm"]
     assert "floating_mm" not in start
     assert record["rows"]["start"]["scene"] == {}
@@ -140,24 +139,23 @@ def test_what_fails_is_counted(config, monkeypatch):
     blind = run_world(CASE, work)
     assert blind["error"] == "RuntimeError: no memory\nleft"
     assert [p["why"] for row in blind["rows"].values() for p in row["people"]] == [blind["error"]] * 2
-    results = summarise_records([blind], [CASE], work, {"seed": 0, "size": SIZE, "preset": "default"})
-    assert any("no memory" in note for note in results.tables[0].notes)
-    assert results.figures["full"].missed == 1
-    assert len(results.document["failures"]) == 2
+    notes = " ".join(notes_of([blind], work))
+    assert "RuntimeError: no memory" in notes
+    assert "1 people; missed: 1" in notes
 
 
 def test_results_hold_everything_and_are_plain_json(config, tmp_path):
     work = BenchmarkJob(config, select_rows("default", ["start"]), None)
-    results = summarise_records([run_world(CASE, work)], [CASE, WorldCase("lie", 0, SIZE)], work, {"seed": 0})
-    paths = write_results(results, tmp_path)
+    records = [run_world(CASE, work)]
+    paths = write_results(tables_of(records, work), tmp_path, "two", [], document_of(records, 2, work, {"seed": 0}))
     assert [path.name for path in paths] == ["table.txt", "table.md", "results.json"]
     document = json.loads(paths[-1].read_text(), parse_constant=lambda text: pytest.fail(f"{text} is not JSON"))
     assert (document["complete"], document["worlds_done"], document["worlds_asked"]) == (False, 1, 2)
-    assert {"physic-core", "physic-mock", "physic-mock noise", "torch"} <= set(document["versions"])
+    assert {"physic-core", "physic-mock", "torch"} <= set(document["versions"])
     assert document["worlds"][0]["rows"]["start"]["people"][0]["mpjpe_mm"] > 0
     assert document["settings"]["rows"]["start"] == {"label": "start (the estimators' own)", "engine": None}
-    assert paths[0].read_text().startswith("Ablation\n")
-    assert "| PA-MPJPE mm |" in paths[1].read_text()
+    assert paths[0].read_text().startswith("two\n")
+    assert "| PA-MPJPE, mm |" in paths[1].read_text()
 
 
 # ---- the command -----------------------------------------------------------------------------------------------------
@@ -177,9 +175,9 @@ def test_a_trial_stands_beside_the_full_row(tmp_path, known_worlds):
     world = ("--worlds", "1", "--model-bodies", "--size", "160x120", "--cache", str(tmp_path / "cache"))
     finished = bench("accuracy", *world, "-o", str(tmp_path / "out"), "--set", "joint.optimiser.steps=0")
     assert finished.exit_code == 0, finished.output
-    assert "Trial" in finished.output.splitlines()
+    assert "Difference from full" in finished.output
     document = json.loads((tmp_path / "out" / "results.json").read_text())
-    assert list(document["summary"]) == ["full", "trial"]
+    assert list(document["differences"]) == ["trial", "truth"]
     assert document["settings"]["rows"]["trial"]["label"] == "full, joint.optimiser.steps=0"
     assert document["settings"]["rows"]["trial"]["engine"]["joint"]["optimiser"]["steps"] == 0
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from physic_bench.worlds.evaluation import PERSON_METRICS, WORLD_METRICS, Evaluator, WorldEstimate
+from physic_bench.worlds.evaluation import Evaluator, WorldEstimate
 from physic_core.body import load_body
 from physic_core.errors import PhysicError
 from physic_core.types import Scene
@@ -42,10 +42,9 @@ def test_the_truth_is_perfect(world, truth, skin):
     assert len(people) == len(world.masks) == 2
     for person, facts in zip(people, evaluator.truth_records(), strict=True):
         assert (person["found"], person["why"]) == (True, "")
-        assert set(PERSON_METRICS) <= set(person)
         assert person["mpjpe_mm"] == person["mpvpe_mm"] == person["depth_error_mm"] == 0
         assert person["pa_mpjpe_mm"] < 1e-6
-        assert (person["precision"], person["recall"], person["f1"]) == (1, 1, 1)
+        assert (person["false_alarms"], person["misses"]) == (0, 0)
         assert person["geodesic_fp_cm"] == person["geodesic_fn_cm"] == 0
         assert person["penetration_max_mm"] < 25
         assert person["floating_mm"] < 20
@@ -54,7 +53,6 @@ def test_the_truth_is_perfect(world, truth, skin):
         for name in ("penetration_mm", "floating_mm", "true_penetration_mm", "true_floating_mm"):
             assert person[name] == pytest.approx(facts["measured"][name], abs=1e-3)
     scene = evaluator.scene_record(truth)
-    assert set(WORLD_METRICS) - {"seconds"} <= set(scene)
     assert scene["scene_point_mm"] == scene["scene_scale_percent"] == scene["floor_height_mm"] == 0
 
 
@@ -66,7 +64,7 @@ def test_a_known_fault_is_measured(world, truth, skin):
         assert person["mpjpe_mm"] == pytest.approx(100, rel=1e-4)
         assert person["mpvpe_mm"] == pytest.approx(100, rel=1e-4)
         assert person["pa_mpjpe_mm"] < 1e-3
-        assert person["f1"] == 1
+        assert person["misses"] == 0
         assert before["floating_mm"] < person["floating_mm"] <= 150
     larger = replace(truth, scene=replace(truth.scene, points=1.1 * truth.scene.points))
     assert evaluator.scene_record(larger)["scene_scale_percent"] == pytest.approx(10, rel=1e-3)
@@ -82,7 +80,6 @@ def test_a_body_sunk_into_the_floor_penetrates_by_as_much(skin):
     assert person["penetration_max_mm"] == pytest.approx(30, abs=1.5)
     assert 5 < person["penetration_mm"] < 30
     assert person["floating_mm"] < 3
-    assert 0.05 < person["penetration_litres"] < 1.5
     assert 5 < person["true_penetration_mm"] < 35
     assert person["true_floating_mm"] < 3
 
@@ -94,7 +91,6 @@ def test_the_true_scene_is_compared_after_the_scale_of_the_reconstructed_one(wor
     for person, facts in zip(evaluator.person_records(larger), evaluator.truth_records(), strict=True):
         for name in ("true_penetration_mm", "true_floating_mm"):
             assert person[name] == pytest.approx(facts["measured"][name], abs=0.1)
-        assert person["true_floating_unscaled_mm"] > 100 or person["true_penetration_unscaled_mm"] > 50
 
 
 def test_people_are_matched_to_the_truth_in_any_order(world, truth, skin):
@@ -113,9 +109,9 @@ def test_a_person_who_is_not_found_scores_zero(world, truth, skin):
     first, second = evaluator.person_records(only)
     assert first["found"]
     assert (second["found"], second["why"]) == (False, "no person was found there")
-    assert [second[name] for name in ("hits", "false_alarms", "precision", "recall", "f1")] == [0] * 5
+    assert (second["hits"], second["false_alarms"]) == (0, 0)
     assert second["misses"] == world.contact[1].sum()
-    assert second["people_misses"] == (world.touched_person[1] >= 0).sum()
+    assert "people_misses" not in second
     broken = replace(truth, vertices=truth.vertices * np.array([1, np.nan], np.float32)[:, None, None])
     reasons = [p["why"] for p in Evaluator(world, world.masks, skin).person_records(broken)]
     assert reasons == ["", "the body is not finite"]

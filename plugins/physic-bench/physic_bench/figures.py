@@ -1,0 +1,185 @@
+"""Figures of a benchmark with 95 % intervals, and paired differences between methods.
+
+A column is a function of sums over records, so that a bootstrap draw is a weight for each group of records: of films,
+moments or worlds, whose people are not independent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from physic_core.metrics import ContactCounts, ValueWithInterval, draw_counts, percentile_interval, precision_recall_f1
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+    Record = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Column:
+    """A figure of the tables.
+
+    Attributes:
+        key: unique.
+        label: in the tables.
+        definition: one sentence.
+        sums: of one record, or None where the record has no value.
+        value: of sums (..., k), an array (...).
+        digits: printed.
+        better: "low", "high" or "".
+    """
+
+    key: str
+    label: str
+    definition: str
+    sums: Callable[[Record], Sequence[float] | None]
+    value: Callable[[Array], Array]
+    digits: int = 1
+    better: str = "low"
+
+    def text(self, found: ValueWithInterval, *, signed: bool = False) -> str:
+        """Return a figure as printed; "-" if it is unknown."""
+        value, low, high = (
+            f"{v:{'+' if signed else ''}.{self.digits}f}" if np.isfinite(v) else "-"
+            for v in (found.value, found.low, found.high)
+        )
+        return value if low == "-" else f"{value} [{low}, {high}]"
+
+
+def mean_column(key: str, label: str, definition: str, digits: int = 1, better: str = "low") -> Column:
+    """Return the mean of an entry over the records that have it."""
+    return Column(key, label, definition, partial(_one, key=key), _mean, digits, better)
+
+
+def ratio_column(
+    key: str, label: str, definition: str, over: Sequence[str], under: Sequence[str], better: str = "high"
+) -> Column:
+    """Return the ratio of the sums of some entries to the sums of others."""
+    return Column(key, label, definition, partial(_ratio_sums, over=over, under=under), _mean, 3, better)
+
+
+def _one(record: Record, key: str) -> Sequence[float] | None:
+    value = record.get(key)
+    return None if not isinstance(value, (int, float)) or not np.isfinite(value) else (float(value), 1.0)
+
+
+def _ratio_sums(record: Record, over: Sequence[str], under: Sequence[str]) -> Sequence[float] | None:
+    if under[0] not in record:
+        return None
+    return sum(record[name] for name in over), sum(record[name] for name in under)
+
+
+def ratio(top: Array, bottom: Array) -> Array:
+    """Return top / bottom; NaN where the bottom is 0."""
+    found: Array = np.where(bottom > 0, top / np.where(bottom > 0, bottom, 1.0), np.nan)
+    return found
+
+
+def _mean(sums: Array) -> Array:
+    return ratio(sums[..., 0], sums[..., 1])
+
+
+CONTACT_FIGURES = {
+    "precision": ("contact precision", "mean precision of contact over people"),
+    "recall": ("contact recall", "mean recall of contact over people"),
+    "f1_of_means": ("contact F1", "harmonic mean of mean precision and mean recall, as the paper prints it"),
+    "f1_mean": ("contact F1, mean", "mean over people of their F1, as DECO prints it"),
+    "f1_pooled": ("contact F1, pooled", "F1 of the vertices of all people"),
+}
+
+
+def contact_columns(counts: Callable[[Record], Mapping[str, int] | None], suffix: str = "") -> tuple[Column, ...]:
+    """Return all averages of precision, recall and F1.
+
+    Args:
+        counts: of a record: its "hits", "false_alarms" and "misses", or None. Who is not "found" scores 0.
+        suffix: of keys and labels, such as "@2 cm".
+    """
+    return tuple(
+        Column(
+            f"{key}{suffix}",
+            f"{label} {suffix}".strip(),
+            definition,
+            partial(_contact_sums, counts=counts),
+            partial(_contact_value, figure=key),
+            3,
+            "high",
+        )
+        for key, (label, definition) in CONTACT_FIGURES.items()
+    )
+
+
+def _contact_sums(record: Record, counts: Callable[[Record], Mapping[str, int] | None]) -> Sequence[float] | None:
+    found = counts(record)
+    if found is None:
+        return None
+    own = [np.asarray(found[name], np.int64) for name in ("hits", "false_alarms", "misses")]
+    scores = precision_recall_f1(ContactCounts(*own)) if record["found"] else (0.0, 0.0, 0.0)
+    return (*map(float, scores), *map(float, own), 1.0)
+
+
+def _contact_value(sums: Array, figure: str) -> Array:
+    precision, recall, f1 = (ratio(sums[..., k], sums[..., 6]) for k in range(3))
+    if figure == "f1_pooled":
+        return ratio(2 * sums[..., 3], 2 * sums[..., 3] + sums[..., 4] + sums[..., 5])
+    total = precision + recall
+    harmonic = np.where(total > 0, ratio(2 * precision * recall, total), 0.0 * total)
+    return {"precision": precision, "recall": recall, "f1_mean": f1, "f1_of_means": harmonic}[figure]
+
+
+def figure(records: Sequence[Record], column: Column) -> ValueWithInterval:
+    """Return a column's figure over records of one method, each with its "group"."""
+    sums, count, groups = _group_sums(records, column, _groups(records))
+    if not count:
+        return ValueWithInterval(np.nan)
+    return _with_interval(sums.sum(0), column.value(draw_counts(len(sums)) @ sums), column.value, count, groups)
+
+
+def difference(first: Sequence[Record], second: Sequence[Record], column: Column) -> ValueWithInterval:
+    """Return second minus first over the people, by "id", for whom both methods have a value, with the same draws."""
+    known = [{r["id"] for r in records if column.sums(r) is not None} for records in (first, second)]
+    kept = [[r for r in records if r["id"] in known[0] & known[1]] for records in (first, second)]
+    if not kept[0]:
+        return ValueWithInterval(np.nan)
+    groups = _groups([*first, *second])
+    (one, count, several), (two, _, _) = (_group_sums(records, column, groups) for records in kept)
+
+    def apart(sums: Array) -> Array:
+        half = sums.shape[-1] // 2
+        return column.value(sums[..., half:]) - column.value(sums[..., :half])
+
+    both = np.concatenate([one, two], axis=1)
+    return _with_interval(both.sum(0), apart(draw_counts(len(both)) @ both), apart, count, several)
+
+
+def _groups(records: Sequence[Record]) -> dict[str, int]:
+    """Return the row of each group, in the order in which they occur."""
+    return {name: row for row, name in enumerate(dict.fromkeys(str(record["group"]) for record in records))}
+
+
+def _group_sums(records: Sequence[Record], column: Column, groups: Mapping[str, int]) -> tuple[Array, int, int]:
+    """Return the sums (G, k) of the groups, the number of records with a value, and that of their groups."""
+    rows, values = [], []
+    for record in records:
+        sums = column.sums(record)
+        if sums is not None:
+            rows.append(groups[str(record["group"])])
+            values.append(sums)
+    total = np.zeros((len(groups), len(values[0]) if values else 1))
+    np.add.at(total, rows, np.array(values, np.float64).reshape(-1, total.shape[1]))
+    return total, len(values), len(set(rows))
+
+
+def _with_interval(
+    total: Array, draws: Array, value: Callable[[Array], Array], count: int, groups: int
+) -> ValueWithInterval:
+    """Return a figure; one group has no interval."""
+    low, high = percentile_interval(draws) if groups > 1 else (np.nan, np.nan)
+    return ValueWithInterval(float(value(total)), low, high, count, groups)

@@ -1,0 +1,149 @@
+"""Results of methods: those of this tool, and arrays that a user wrote."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from physic_bench.bodies import SMPLX_JOINTS
+from physic_bench.contract import TOPOLOGY_OF_COUNT, BenchPerson, Prediction
+from physic_bench.joints import LIMB_JOINTS
+from physic_bench.reading import DamagedFrameError, numbers, read_npz, reading
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_bench.contract import Frame
+    from physic_core.types import Person, Reconstruction
+
+    Array = NDArray[np.float64]
+
+MIN_CONFIDENCE = 0.3
+"""Keypoints from which on triangulation uses them."""
+
+
+def read_physic(folder: Path, frame: Frame) -> Prediction | None:
+    """Read the frame's result of this tool; None if there is none.
+
+    Raises:
+        PhysicError: it is damaged.
+    """
+    from physic_core import load_reconstruction
+    from physic_core.batch.photos import photo_folder
+
+    for name in _names(frame):
+        for place in (photo_folder(name), name, f"{name}-physic"):
+            if (folder / place / "reconstruction.json").is_file():
+                return prediction_of(load_reconstruction(str(folder / place)), frame)
+    return None
+
+
+def prediction_of(result: Reconstruction, frame: Frame) -> Prediction:
+    """Return what is measured of a result, in px of the frame's picture; people without a body are not in it."""
+    width, height = frame.camera.width, frame.camera.height
+    people = [person for p in result.people if (person := _person(p, result, (width, height))) is not None]
+    floor = result.scene.floor
+    return Prediction(
+        tuple(people),
+        result.intrinsics.resized(width, height).matrix,
+        None if floor is None else np.array([*floor.normal, floor.offset], np.float64),
+    )
+
+
+def _person(person: Person, result: Reconstruction, size: tuple[int, int]) -> BenchPerson | None:
+    from physic_core.types import skeleton_named
+
+    if not (np.isfinite(person.vertices).all() and np.isfinite(person.joints).all()):
+        return None
+    factor = np.array(size) / [result.intrinsics.width, result.intrinsics.height]
+    skeleton = result.skeleton if not isinstance(result.skeleton, str) else skeleton_named(result.skeleton)
+    names, keypoints = list(skeleton.names), np.full((len(LIMB_JOINTS), 2), np.nan)
+    for row, name in enumerate(LIMB_JOINTS):
+        if name in names and person.keypoint_confidence[names.index(name)] >= MIN_CONFIDENCE:
+            keypoints[row] = (person.keypoints[names.index(name)] + 0.5) * factor - 0.5
+    contact = person.contact
+    if person.contact_partner is not None:  # no data set annotates contact with the own body
+        own = np.array([*(partner.kind == "self" for partner in result.contact_partners), False])
+        contact = contact & ~own[person.contact_partner]
+    topology = "physic-embedded-1" if result.body_model == "embedded" else result.body_model
+    return BenchPerson(
+        joints=person.joints.astype(np.float64),
+        joint_names=SMPLX_JOINTS,
+        vertices=person.vertices.astype(np.float64),
+        topology=topology,
+        contact=contact,
+        contact_topology=topology,
+        keypoints=keypoints,
+        grade=str(person.grade or ""),
+    )
+
+
+def read_plain(folder: Path, frame: Frame) -> Prediction | None:
+    """Read FRAME.npz; None if there is none.
+
+    It has, of P people, ``vertices`` (P, V, 3) m of a known mesh, or ``joints`` (P, J, 3) with ``joint_names`` (J), or
+    both. Optional: ``K`` (3, 3), ``contact`` (P, V), ``floor`` (4,), ``keypoints`` (P, 12, 2). P may be 0.
+
+    Raises:
+        DamagedFrameError: it is damaged.
+    """
+    path = next((p for name in _names(frame) if (p := folder / f"{name}.npz").is_file()), None)
+    if path is None:
+        return None
+    arrays = read_npz(path)
+    with reading(path):
+        main = next((name for name in ("vertices", "joints") if name in arrays), None)
+        if main is None:
+            raise DamagedFrameError(f"there are no vertices and no joints: it has {', '.join(sorted(arrays))}")
+        per_person = [name for name in ("vertices", "joints", "contact", "keypoints") if name in arrays]
+        if len({len(arrays[name]) for name in per_person}) > 1:
+            raise DamagedFrameError(f"the first axes of {', '.join(per_person)} must be the people")
+        people = tuple(_plain_person(arrays, row) for row in range(len(arrays[main])))
+        K = numbers(arrays["K"], (3, 3), "K") if "K" in arrays else None
+        return Prediction(people, K, numbers(arrays["floor"], (4,), "floor") if "floor" in arrays else None)
+
+
+def _plain_person(arrays: Mapping[str, Any], row: int) -> BenchPerson:
+    person = BenchPerson()
+    if "vertices" in arrays:
+        vertices = numbers(arrays["vertices"][row], (-1, 3), "vertices")
+        if not 0.2 < np.ptp(vertices, axis=0).max() < 3.0:
+            raise DamagedFrameError("vertices must be of a person in metres")
+        person = replace(person, vertices=vertices, topology=_topology(arrays, len(vertices)))
+    if "joints" in arrays:
+        joints = np.asarray(arrays["joints"][row], np.float64)
+        names = tuple(map(str, np.ravel(arrays["joint_names"])))
+        if joints.shape != (len(names), 3) or not np.isfinite(joints).any():
+            raise DamagedFrameError(f"joints must be (P, {len(names)}, 3), as joint_names has, and not all NaN")
+        person = replace(person, joints=joints, joint_names=names)
+    if "contact" in arrays:
+        contact = numbers(arrays["contact"][row], (-1,), "contact") >= 0.5
+        person = replace(person, contact=contact, contact_topology=_topology(arrays, len(contact)))
+    if "keypoints" in arrays:
+        person = replace(person, keypoints=np.asarray(arrays["keypoints"][row], np.float64).reshape(12, 2))
+    return person
+
+
+def _topology(arrays: Mapping[str, Any], count: int) -> str:
+    return str(arrays["topology"]) if "topology" in arrays else TOPOLOGY_OF_COUNT.get(count, f"{count} vertices")
+
+
+def _names(frame: Frame) -> Iterator[str]:
+    """Yield the names that other tools give to a frame: its id, with and without folders, and its picture's."""
+    yield from (frame.id, frame.id.replace("/", "_"), frame.id.replace("/", "__"))
+    if frame.picture is not None:
+        yield frame.picture.path.stem
+    if "/" in frame.id:
+        yield frame.id.rpartition("/")[2]
+
+
+READERS: Mapping[str, Callable[[Path, Frame], Prediction | None]] = {"physic": read_physic, "plain": read_plain}
+LAYOUTS = {
+    "physic": "photos/XX/FRAME/ of physic batch, or FRAME/reconstruction.json, or PICTURE-physic/",
+    "plain": "FRAME.npz, where FRAME is the frame's id; folders of the id may be folders, _ or __",
+}
+"""Which files each reads, for messages."""

@@ -1,0 +1,182 @@
+"""Files of data sets and of results: whatever is wrong with one becomes an error that names it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from physic_core.errors import InputError, PhysicError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from PIL.Image import Image
+
+    from physic_bench.contract import Frame, Picture
+
+    Array = NDArray[np.float64]
+
+
+class DamagedFrameError(InputError):
+    """Raised if a file is missing, damaged, or has another content than its format states. It costs one frame."""
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Turn every error of the block into one that names the file.
+
+    Raises:
+        DamagedFrameError: the block failed.
+    """
+    try:
+        yield
+    except PhysicError as error:
+        if isinstance(error, DamagedFrameError) and str(path) not in str(error):
+            raise DamagedFrameError(f"{path}: {error}") from error
+        raise
+    except Exception as error:  # libraries that read files have many
+        raise DamagedFrameError(f"{path} cannot be read: {type(error).__name__}: {error}") from error
+
+
+def numbers(values: Any, shape: tuple[int, ...], what: str) -> Array:
+    """Return finite float64 numbers of a shape; -1 is any length.
+
+    Raises:
+        DamagedFrameError: there are others.
+    """
+    found = np.asarray(values)
+    if found.dtype.kind not in "biuf" or not np.isfinite(found).all():
+        raise DamagedFrameError(f"'{what}' must be finite numbers")
+    try:
+        return found.astype(np.float64).reshape(shape)
+    except ValueError as error:
+        raise DamagedFrameError(f"'{what}' must have the shape {shape}, got {found.shape}") from error
+
+
+def rotation(values: Any, what: str) -> Array:
+    """Return a rotation (3, 3).
+
+    Raises:
+        DamagedFrameError: it is scaled or a mirror image.
+    """
+    matrix = numbers(values, (3, 3), what)
+    if np.abs(matrix @ matrix.T - np.eye(3)).max() > 1e-2 or np.linalg.det(matrix) < 0:
+        raise DamagedFrameError(f"'{what}' is not a rotation: it is scaled or a mirror image")
+    return matrix
+
+
+def read_json(path: Path) -> Any:
+    """Return the content of a JSON file.
+
+    Raises:
+        DamagedFrameError: it cannot be read.
+    """
+    with reading(path):
+        return json.loads(path.read_text(encoding="utf-8"))
+
+
+def read_npz(path: Path) -> dict[str, Any]:
+    """Return all arrays of an .npz file, without unpickling.
+
+    Raises:
+        DamagedFrameError: it cannot be read.
+    """
+    from physic_core.files.atomic import open_regular
+    from physic_core.files.npz import read_arrays
+
+    with reading(path), open_regular(path) as stream:
+        return dict(read_arrays(stream))
+
+
+def read_pickled(path: Path) -> dict[str, Any]:
+    """Return the numbers and arrays of a pickle, Python 2's too; anything that could run code is refused by its name.
+
+    Raises:
+        DamagedFrameError: it cannot be read.
+    """
+    from physic_core.body.files.array_pickle import PickledObject, as_array, read_pickle
+
+    with reading(path):
+        found = read_pickle(path)
+        return {name: as_array(value) if isinstance(value, PickledObject) else value for name, value in found.items()}
+
+
+def read_mesh(path: Path) -> Any:
+    """Return a mesh of trimesh with the vertices in the order of the file.
+
+    Raises:
+        DamagedFrameError: it cannot be read, or has no vertices.
+    """
+    import trimesh
+
+    with reading(path):
+        mesh = trimesh.load(path, process=False, maintain_order=True)
+        mesh = mesh.to_mesh() if isinstance(mesh, trimesh.Scene) else mesh
+        numbers(mesh.vertices, (-1, 3), "vertices")
+    return mesh
+
+
+@contextmanager
+def open_picture(path: Path) -> Iterator[Image]:
+    """Open a picture; decoding it takes bounded memory, as of a photo.
+
+    Raises:
+        DamagedFrameError: it cannot be read.
+    """
+    from physic_core.files.image_file import ImageSource, open_image, wrap_decoding_errors
+
+    source = ImageSource(str(path), path=path, what="picture")
+    try:
+        with reading(path), open_image(source) as (image, _), wrap_decoding_errors(source):
+            yield image
+    except InputError as error:
+        raise DamagedFrameError(str(error)) from error
+
+
+def picture_file(frame: Frame, folder: Path) -> Path:
+    """Return the path of a frame's picture as its camera saw it; it is written to ``folder`` if the file differs.
+
+    Raises:
+        InputError: the frame has no picture, the file is damaged, or its size is not the camera's.
+    """
+    if frame.picture is None:
+        raise InputError(f"the frame {frame.id} has no picture: only results of methods can be evaluated on it")
+    picture, camera = frame.picture, frame.camera
+    pixels = _pixels(picture)
+    if pixels.shape[:2] != (camera.height, camera.width):
+        raise InputError(
+            f"{picture.path} has {pixels.shape[1]} x {pixels.shape[0]} px, but its camera is calibrated for "
+            f"{camera.width} x {camera.height} px"
+        )
+    if not picture.mirrored and picture.crop is None:
+        return picture.path
+    path = folder / f"{frame.id.replace('/', '_')}.png"
+    if not path.exists():
+        from PIL import Image
+
+        from physic_core.files.atomic import atomic_write, check_writable
+
+        with atomic_write(check_writable(folder)) as temporary:
+            Image.fromarray(pixels).save(temporary(path.name), format="PNG")
+    return path
+
+
+def _pixels(picture: Picture) -> NDArray[np.uint8]:
+    """Return the pixels (H, W, 3) RGB, upright and cropped."""
+    with open_picture(picture.path) as file:
+        pixels = np.array(file.convert("RGB"))
+    if picture.mirrored:
+        pixels = pixels[:, ::-1]
+    if picture.crop is not None:
+        x0, y0, x1, y1 = picture.crop
+        pixels = pixels[y0:y1, x0:x1]
+    return np.ascontiguousarray(pixels)
+
+
+def missing_files(root: Path, names: Sequence[tuple[str, str]]) -> list[str]:
+    """Return a sentence for each path (relative, what it is) or pattern that nothing exists for."""
+    return [f"{root / name}: {what}" for name, what in names if next(root.glob(name), None) is None]
