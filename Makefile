@@ -3,7 +3,7 @@
 # make test [JOBS=2]            lint, types and the whole test suite
 # make test-ray                the tests of contrib/physic-ray, with a cluster on this machine
 # make kernels                  the tests that rounding could upset, with other kernels of the libraries
-# make fuzz [MINUTES=60]        attack readers of files with damaged input (tools/attacks/fuzz.py)
+# make fuzz [CASES=20000]        attack each reader of files with so many damaged inputs
 # make mutants                  remove each stated defence in turn, and require that its test fails (tools/attacks/mutants)
 # make test-lowest | test-newest the tests of make quick, with the lowest and the newest versions of all dependencies
 # make audit                    known vulnerabilities of the pinned dependencies; needs pip-audit and a network
@@ -17,7 +17,7 @@
 PYTHON ?= python3
 PHOTO ?= examples/couple.jpg
 JOBS ?= 2
-MINUTES ?= 60
+CASES ?= 20000
 VENV := .venv
 BIN := $(VENV)/bin
 DISTRIBUTIONS := pyproject.toml $(wildcard contrib/*/pyproject.toml plugins/*/pyproject.toml)
@@ -64,7 +64,7 @@ kernels: $(VENV)/test.stamp
 		$(BIN)/pytest -m kernels $$(grep -rl --include='test_*.py' 'mark\.kernels' tests plugins)
 
 fuzz: $(VENV)/test.stamp
-	$(BIN)/python tools/attacks/fuzz.py --minutes $(MINUTES)
+	ATTACK_CASES=$(CASES) $(BIN)/pytest -q tests/attacks/test_damaged_input.py
 	ATTACK_EVERY_STEP=1 OMP_NUM_THREADS=1 $(BIN)/pytest -q tests/attacks/test_saving.py
 
 mutants: $(VENV)/test.stamp
@@ -81,7 +81,7 @@ test-lowest test-newest: $(VENV)/test.stamp
 	OMP_NUM_THREADS=1 .venv-$(RESOLUTION)/bin/python -m pytest -q -n $(JOBS) --dist loadfile -m "not slow" $(QUICK)
 
 audit: $(VENV)/test.stamp
-	$(BIN)/python tools/audit.py constraints.txt
+	$(BIN)/pip-audit --strict --no-deps --disable-pip -r constraints.txt
 
 sbom: $(VENV)/test.stamp
 	$(BIN)/python tools/sbom.py dist/physic-sbom.json

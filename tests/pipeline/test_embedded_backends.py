@@ -11,7 +11,8 @@ from physic_core import Reconstruction, reconstruct
 from physic_core.body import load_body
 from physic_core.engine.contact.method import ContactMethod
 from physic_core.io.photo import read_photo
-from tools.consistency import consistency
+
+from .consistency import consistency
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -14,7 +14,8 @@ from physic_mock.recognition import match_masks_to_world, recognise_world
 from physic_testing.conformance import check_backend
 from physic_testing.conformance.true_keypoints import world_keypoints
 from physic_testing.worlds import World
-from tools.consistency import consistency
+
+from .consistency import consistency
 
 SIDES = ("left", "right")
 BLENDS = {

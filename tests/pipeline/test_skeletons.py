@@ -11,7 +11,8 @@ from physic_core.metrics import pa_mpjpe_mm
 from physic_core.pipeline.floor_and_scale import feet_pixels
 from physic_core.types import SKELETONS, Keypoints, skeleton_named
 from physic_testing.worlds import World
-from tools.consistency import consistency
+
+from .consistency import consistency
 
 
 @pytest.mark.parametrize("skeleton", ["coco17", "halpe26", "coco_wholebody133"])

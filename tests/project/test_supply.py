@@ -1,4 +1,4 @@
-"""The bill of materials, and the audit of the dependencies."""
+"""The bill of materials."""
 
 from __future__ import annotations
 
@@ -46,22 +46,3 @@ def test_every_network_and_the_body_have_their_digest(bill: dict[str, Any]):
     assert {"/".join(file.parts[-3:]) for file in files} == set(digests)
     for file in files:
         assert hashlib.sha256(file.read_bytes()).hexdigest() == digests["/".join(file.parts[-3:])]
-
-
-HOLE = {"id": "PYSEC-1", "fix_versions": ["2.0"]}
-
-
-@pytest.mark.parametrize(
-    ("packages", "expected"),
-    [
-        ([{"name": "a", "version": "1", "vulns": []}], (0, "no known vulnerabilities in 1 packages")),
-        ([{"name": "a", "version": "1", "vulns": [HOLE]}], (1, "a 1: PYSEC-1, fixed in 2.0")),
-        (
-            [{"name": "a", "version": "1", "vulns": []}, {"name": "b", "skip_reason": "not found"}],
-            (2, "no audit: 1 of 2 packages were not found: b"),
-        ),
-        ([], (2, "no audit: 0 of 0 packages were not found: ")),
-    ],
-)
-def test_only_a_complete_audit_passes(module_at, packages: list[Any], expected: tuple[int, str]):
-    assert module_at("tools/audit.py").report({"dependencies": packages}) == expected

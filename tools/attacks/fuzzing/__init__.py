@@ -1,1 +1,1 @@
-"""Attacks with damaged and hostile input, shared by the tests and by ``fuzz.py``."""
+"""Attacks with damaged and hostile input, for the tests."""

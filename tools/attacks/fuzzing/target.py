@@ -22,15 +22,12 @@ class Target:
         attack: reads the data, given an empty folder; it raises whatever a user must not see, and returns otherwise. An
             answer that a user may see, such as InputError, is caught by it.
         mutate: how seeds are damaged.
-        guided: whether atheris may mutate, too; not where the attack states a fact about ``mutate`` alone, such as that
-            lost data is found: other changes of a file may leave a valid one.
     """
 
     name: str
     make_seeds: Callable[[Path], Sequence[bytes]]
     attack: Callable[[bytes, Path], None]
     mutate: Callable[[bytes, random.Random, Sequence[bytes]], bytes] = mutate_bytes
-    guided: bool = True
 
     def corpus(self) -> list[Path]:
         """Inputs that failed once."""

@@ -139,5 +139,5 @@ def attack_twin(data: bytes, folder: Path) -> None:
 
 TARGETS = [
     Target("photos", make_seeds, attack),
-    Target("photos-lost-data", make_twins, attack_twin, lose_data, guided=False),
+    Target("photos-lost-data", make_twins, attack_twin, lose_data),
 ]

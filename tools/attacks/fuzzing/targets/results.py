@@ -83,7 +83,7 @@ def mutate_archive(data: bytes, rng: random.Random, others: Sequence[bytes]) -> 
 
 
 TARGETS = [
-    Target("results-json", lambda _: [saved(0)[DOCUMENT]], attack_document, mutate_document, 600),
-    Target("results-npz", lambda _: [saved(seed)[ARRAYS] for seed in SEEDS], attack_arrays, mutate_archive, 600),
-    Target("results-people", lambda _: [saved(0, "people")[ARRAYS]], attack_people, mutate_archive, 200),
+    Target("results-json", lambda _: [saved(0)[DOCUMENT]], attack_document, mutate_document),
+    Target("results-npz", lambda _: [saved(seed)[ARRAYS] for seed in SEEDS], attack_arrays, mutate_archive),
+    Target("results-people", lambda _: [saved(0, "people")[ARRAYS]], attack_people, mutate_archive),
 ]
