@@ -9,7 +9,7 @@ the icosphere. Published figures use a distance matrix of one licensed mesh: rep
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -82,16 +82,13 @@ def distance_to_sources(graph: csr_array, sources: BoolArray) -> FloatArray:
     return distance
 
 
-def geodesic_error(
-    graph: csr_array, predicted: BoolArray, truth: BoolArray, empty: Literal["nan", "deco"] = "nan"
-) -> GeodesicError:
-    """Compute the geodesic contact error (DECO, ICCV 2023; BSTRO, CVPR 2022).
+def geodesic_error(graph: csr_array, predicted: BoolArray, truth: BoolArray) -> GeodesicError:
+    """Compute the geodesic contact error (DECO, ICCV 2023; BSTRO, CVPR 2022); NaN if either set is empty.
 
     Args:
         graph: of :func:`surface_graph`, on the mesh of the contact maps.
         predicted: (..., V) bool.
         truth: (..., V) bool.
-        empty: "nan" returns NaN if either set is empty; "deco" replaces an empty set by the full mesh, as published.
 
     Raises:
         PhysicError: the shapes do not match, or a map is not bool.
@@ -107,8 +104,6 @@ def geodesic_error(
     rows = list(zip(predicted.reshape(-1, graph.shape[0]), truth.reshape(-1, graph.shape[0]), strict=True))
     positive, negative, lost = np.zeros(len(rows)), np.zeros(len(rows)), np.zeros(len(rows), np.int64)
     for i, (guess, fact) in enumerate(rows):
-        if empty == "deco":
-            guess, fact = (some if some.any() else np.ones_like(some) for some in (guess, fact))
         if not (guess.any() and fact.any()):
             positive[i] = negative[i] = np.nan
             continue

@@ -231,7 +231,7 @@ def _physics(frame: Frame, truth: Truth, found: BenchPerson, contacts: Contacts,
     if truth.scene is None or found.vertices is None:
         return {}
     distance = _index_of(truth.scene).signed_distance(frame.camera.in_world(found.vertices))
-    deep = penetration(distance, np.ones(len(distance)))
+    deep = penetration(distance)
     record = {"penetration_mm": 1000 * float(deep.mean_depth), "penetration_max_mm": 1000 * float(deep.max_depth)}
     if contacts:
         contact, topology = next(iter(contacts.values()))

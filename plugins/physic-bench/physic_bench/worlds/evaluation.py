@@ -293,7 +293,7 @@ class Evaluator:
         distance = world.room.signed_distance(world.camera.to_room(np.asarray(vertices, np.float64)))
         distance = np.maximum(distance, -PROXIMITY_RADIUS_M)
         counted = world.outer & (world.distance[true] > -_TRUE_PENETRATION_M)
-        inside = penetration(distance, np.ones(distance.shape), counted=counted)
+        inside = penetration(distance, counted)
         gap = contact_gap(distance, world.contact[true], reach=PROXIMITY_RADIUS_M)
         return [
             {"true_penetration_mm": 1000 * float(inside.mean_depth[j]), "true_floating_mm": 1000 * float(gap[j])}
@@ -302,7 +302,7 @@ class Evaluator:
 
     def _touch(self, true: Indices, near: SignedDistances) -> list[dict[str, float]]:
         """Return penetration and floating for given scene distances."""
-        inside = penetration(near.distance, np.ones(near.distance.shape), counted=self._counted[true])
+        inside = penetration(near.distance, self._counted[true])
         shown, every = (
             contact_gap(near.distance, c[true], reach=PROXIMITY_RADIUS_M) for c in (self._shown, self.world.contact)
         )
