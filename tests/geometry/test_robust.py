@@ -2,34 +2,26 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import pytest
 import torch
 
 from physic_core.errors import PhysicError
-from physic_core.geometry.robust import cauchy, geman_mcclure, loss_with_slope, pseudo_huber, robust_loss
+from physic_core.geometry.robust import loss_with_slope, robust_loss
 
-LOSSES = {"geman_mcclure": geman_mcclure, "cauchy": cauchy, "pseudo_huber": pseudo_huber}
+LOSSES = ("geman_mcclure", "cauchy", "pseudo_huber")
 
 
-@pytest.mark.parametrize("name", LOSSES)
-@pytest.mark.parametrize("c", [0.015, 1.0, 100.0])
-def test_is_the_square_near_zero(name, c):
+@pytest.mark.parametrize("kind", LOSSES)
+@pytest.mark.parametrize("c", [0.015, 100.0])
+def test_is_the_square_near_zero(kind, c):
     x = torch.tensor([1e-3, -1e-3], dtype=torch.float64) * c
-    torch.testing.assert_close(LOSSES[name](x**2, c=c), x**2, rtol=1e-5, atol=0)
+    torch.testing.assert_close(robust_loss(kind, x**2, c), x**2, rtol=1e-5, atol=0)
 
 
-@pytest.mark.parametrize("name", LOSSES)
-def test_the_gradient_of_each_loss_is_exact(name):
-    squared = torch.tensor([0.0, 1e-6, 0.3, 4.0, 900.0], dtype=torch.float64, requires_grad=True)
-    assert torch.autograd.gradcheck(partial(LOSSES[name], c=1.3), (squared,))
-
-
-@pytest.mark.parametrize("kind", ["square", "absolute", "pseudo_huber", "cauchy", "geman_mcclure", "barron"])
-@pytest.mark.parametrize("c", [0.5, 3.0])
-def test_with_its_derivative_in_units_of_its_scale(kind, c):
-    squared = torch.tensor([1e-6, 0.3, 4.0, 900.0], dtype=torch.float64, requires_grad=True)
+@pytest.mark.parametrize("kind", ["square", "absolute", "barron", *LOSSES])
+def test_the_slope_is_exact_also_in_units_of_the_scale(kind):
+    c, squared = 3.0, torch.tensor([1e-6, 0.3, 4.0, 900.0], dtype=torch.float64, requires_grad=True)
+    assert torch.autograd.gradcheck(lambda s: robust_loss(kind, s, c), (squared[1:].detach().requires_grad_(),))
     loss = robust_loss(kind, squared, c)
     (slope,) = torch.autograd.grad(loss.sum(), squared)
     unit, derivative = loss_with_slope(kind, squared.detach() / c**2, c)
@@ -39,23 +31,15 @@ def test_with_its_derivative_in_units_of_its_scale(kind, c):
     assert torch.isfinite(loss_with_slope(kind, torch.zeros(1), c)[1])
 
 
-def test_far_outliers_stop_pulling_only_where_the_loss_redescends():
-    def pull(loss, x):
-        x = torch.tensor(float(x), dtype=torch.float64, requires_grad=True)
-        loss(x**2, c=1.0).backward()
-        return x.grad.item()
-
-    assert pull(geman_mcclure, 100) < 1e-4
-    assert pull(cauchy, 100) == pytest.approx(0.02, rel=1e-3)
-    assert pull(pseudo_huber, 100) == pytest.approx(2.0, rel=1e-3)
+@pytest.mark.parametrize(("kind", "pull"), [("geman_mcclure", 0.0), ("cauchy", 0.02), ("pseudo_huber", 2.0)])
+def test_far_outliers_stop_pulling_only_where_the_loss_redescends(kind, pull):
+    x = torch.tensor(100.0, dtype=torch.float64, requires_grad=True)
+    robust_loss(kind, x**2, 1.0).backward()
+    assert x.grad.item() == pytest.approx(pull, rel=1e-3, abs=1e-4)
 
 
-def test_settings_name_the_losses_and_barrons_keeps_its_published_height():
+def test_barrons_loss_keeps_its_published_height_and_another_name_is_refused():
     squared = torch.linspace(0, 50, 40, dtype=torch.float64)
-    assert robust_loss("square", squared, 3.0) is squared
-    torch.testing.assert_close(robust_loss("cauchy", squared, 3.0), cauchy(squared, 3.0))
-    torch.testing.assert_close(robust_loss("geman_mcclure", squared, 3.0), geman_mcclure(squared, 3.0))
-    torch.testing.assert_close(robust_loss("pseudo_huber", squared, 3.0), pseudo_huber(squared, 3.0))
     torch.testing.assert_close(robust_loss("barron", squared, 3.0), torch.sqrt(1 + squared / 9) - 1)
     with pytest.raises(PhysicError, match=r"^unknown robust loss 'huber': use square, absolute, barron, cauchy"):
         robust_loss("huber", squared, 1.0)

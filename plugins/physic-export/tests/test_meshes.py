@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -41,12 +40,6 @@ def test_plyfile_reads_points_colours_normals_and_contact(export, result: Recons
     floor = result.scene.floor
     numbers = next(c for c in data.comments if c.startswith("floor")).split()
     np.testing.assert_allclose([float(numbers[k]) for k in (1, 4, 7, 10)], [*floor.normal, floor.offset], atol=1e-5)
-
-
-def test_the_floor_of_an_upright_ply_is_y_equals_0(export):
-    head = export("a.ply", scene=False).files[0].read_bytes()[:600].decode("ascii", "replace")
-    assert "comment floor: 0 x + 1 y + 0 z + 0 = 0\n" in head
-    assert "x right, y up, z backward" in head
 
 
 @pytest.mark.parametrize("name", ["a.ply", "a.obj"])
@@ -89,16 +82,10 @@ def test_an_obj_has_a_picture_for_each_material(export, result: Reconstruction):
     assert names == pictures | {"a.obj", "a.mtl", "a_person_0_filled.png", "a_person_1_filled.png"}
     used = [line for line in done.files[0].read_text().splitlines() if line.startswith("usemtl")]
     assert used == ["usemtl scene", "usemtl person_0_photo", "usemtl person_1_photo"]
-    scene = trimesh.load_scene(done.files[0])
-    assert len(scene.geometry) == 3
-
-
-def test_an_obj_has_an_object_for_scene_and_people_with_unit_normals(export, result: Reconstruction):
-    text = Path(export("a.obj").files[0]).read_text()
-    assert [line[2:] for line in text.splitlines() if line.startswith("o ")] == ["scene", "person_0", "person_1"]
-    normals = np.array([line.split()[1:] for line in text.splitlines() if line.startswith("vn ")], float)
-    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=2e-4)
-    assert "x right, y up, z backward" in text.splitlines()[0]
+    text = done.files[0].read_text().splitlines()
+    assert [line[2:] for line in text if line.startswith("o ")] == ["scene", "person_0", "person_1"]
+    assert "x right, y up, z backward" in text[0]
+    assert len(trimesh.load_scene(done.files[0]).geometry) == 3
 
 
 def test_a_scene_without_a_valid_pixel_leaves_people(export, result: Reconstruction):

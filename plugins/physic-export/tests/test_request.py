@@ -49,13 +49,7 @@ def test_the_catalog_lists_the_formats():
     assert {each.name: each.suffixes for each in physic_exporters()} == EXPORTERS["physic-export"]
 
 
-@pytest.mark.parametrize(
-    ("suffix", "name"),
-    [
-        *((".npz", "amass"), (".bvh", "bvh"), (".glb", "glb"), (".xml", "mjcf"), (".PLY", "ply")),
-        (".usdz", "usd"),
-    ],
-)
+@pytest.mark.parametrize(("suffix", "name"), [(".npz", "amass"), (".PLY", "ply"), (".usdz", "usd")])
 def test_a_suffix_selects_a_format(suffix: str, name: str):
     assert find_exporter(None, suffix).record.name == name
 
@@ -64,7 +58,6 @@ def test_a_suffix_selects_a_format(suffix: str, name: str):
     ("name", "suffix", "message"),
     [
         (None, ".stl", "'.stl' is the suffix of none"),
-        (None, "", "no suffix"),
         ("smplx", "", "no export format 'smplx'"),
         ("fbx", "", "FBX is a closed format"),
         (None, ".pkl", "pickles can run code"),
@@ -75,33 +68,28 @@ def test_an_unknown_format_is_refused(name: str | None, suffix: str, message: st
         find_exporter(name, suffix)
 
 
-def unchanged(result: Reconstruction) -> Reconstruction:
-    return result
-
-
 @pytest.mark.parametrize(
     ("change", "name", "options", "message"),
     [
-        (unchanged, "a.bvh", {"person": 2}, "no person 2"),
+        (None, "a.bvh", {"person": 2}, "no person 2"),
         (lambda result: without_body(result, 0), "a.bvh", {"person": 0}, "person 0 has no body"),
         (lambda result: without_body(without_body(result, 0), 1), "a.bvh", {}, "no person of this result has a body"),
         (lambda result: replace(result, people=()), "a.bvh", {}, "no people"),
-        (lambda result: replace(result, people=()), "a.glb", {"person": 0}, "no person 0"),
-        (unchanged, "a.bvh", {"up": "camera"}, "--up y or z"),
+        (None, "a.bvh", {"up": "camera"}, "--up y or z"),
         (without_floor, "a.xml", {}, "z up needs"),
-        (unchanged, "a.ply", {"format": "obj"}, r"\.obj"),
+        (None, "a.ply", {"format": "obj"}, r"\.obj"),
     ],
 )
 def test_what_a_format_needs(
     result: Reconstruction,
     tmp_path: Path,
-    change: Callable[[Reconstruction], Reconstruction],
+    change: Callable[[Reconstruction], Reconstruction] | None,
     name: str,
     options: dict[str, Any],
     message: str,
 ):
     with pytest.raises(InputError, match=message):
-        export_reconstruction(change(result), tmp_path / name, **options)
+        export_reconstruction(change(result) if change else result, tmp_path / name, **options)
     assert not list(tmp_path.iterdir())
 
 
@@ -118,21 +106,13 @@ def test_several_people_are_numbered_and_one_is_not(export, tmp_path: Path):
     assert export(".", "bvh").files == (tmp_path / "skeleton_0.bvh", tmp_path / "skeleton_1.bvh")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "existing"),
-    [(("--to", "glb"), "skinned.glb"), (("-o", "a.obj"), "a.obj"), (("--to", "bvh"), "skeleton_1.bvh")],
-)
-def test_an_existing_file_is_refused(
-    saved_pair: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], existing: str
-):
-    monkeypatch.chdir(tmp_path)
+def test_an_existing_file_is_refused(saved_pair: Path, tmp_path: Path):
     copy = shutil.copytree(saved_pair, tmp_path / "copy")
-    target = tmp_path / existing if "-o" in arguments else copy / existing
-    target.write_text("mine")
-    done = physic("export", str(copy), *arguments)
+    (copy / "skeleton_1.bvh").write_text("mine")
+    done = physic("export", copy, "--to", "bvh")
     assert done.exit_code == 2
     assert "--overwrite" in done.output
-    assert target.read_text() == "mine"
+    assert (copy / "skeleton_1.bvh").read_text() == "mine"
 
 
 def test_a_file_is_replaced_only_where_that_is_wanted(export, tmp_path: Path):
@@ -169,16 +149,3 @@ def test_the_command_writes_into_the_result_and_prints_the_files(saved_pair: Pat
     for name in names:
         os.remove(saved_pair / name)
     Reconstruction.load(str(saved_pair))
-
-
-@pytest.mark.parametrize(
-    ("arguments", "code", "message"),
-    [
-        (("out",), 2, "Error: no format given: name one with --to, or a file with -o; --list prints the formats"),
-        (("nowhere", "--to", "glb"), 3, "Error: cannot read nowhere/reconstruction.json: there is no such file"),
-    ],
-)
-def test_an_argument_that_cannot_be_used_is_an_error(arguments: tuple[str, ...], code: int, message: str):
-    done = physic("export", *arguments)
-    assert done.exit_code == code
-    assert done.output.splitlines()[-1].startswith(message)

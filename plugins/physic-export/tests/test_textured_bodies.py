@@ -18,11 +18,6 @@ def request_of(result: Reconstruction) -> ExportRequest:
     return ExportRequest(result, tuple(range(len(result.people))), frame, "a", ".glb")
 
 
-def pixels_of(result: Reconstruction, points: np.ndarray) -> np.ndarray:
-    spots = points @ result.intrinsics.matrix.T
-    return np.round(spots[:, :2] / spots[:, 2:]).astype(int)
-
-
 def test_a_body_has_the_colour_of_the_photo_where_it_is_seen(result: Reconstruction):
     """Masks in which each person has one colour, apart from a stripe over their middle."""
     image = result.image.copy()

@@ -26,7 +26,6 @@ def test_a_slope_is_restored(method):
     wrong[mask] = 0
     filled = method().infer(wrong, mask)
     error = np.abs(filled[mask].astype(int) - image[mask]).mean()
-    print(f"{method.__name__}: mean error {error:.2f} grey levels")
     assert error < 4
 
 
@@ -39,5 +38,4 @@ def test_what_was_under_the_mask_never_leaks_out_even_from_a_reduced_image(metho
     filled = method(options).infer(black, mask)
     np.testing.assert_array_equal(filled[mask], method(options).infer(white, mask)[mask])
     error = np.abs(filled[mask].astype(int) - image[mask]).mean()
-    print(f"{method.__name__}: mean error {error:.2f} grey levels")
     assert error < 12

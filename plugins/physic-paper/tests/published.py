@@ -17,21 +17,10 @@ from physic_core.body.assembly import BodyArrays, build_body_model, derive_verte
 from physic_core.body.joints import PART_NAMES
 from physic_core.body.landmarks import LandmarkRegressor
 from physic_core.body.model import BodyModel
-from physic_core.body.parameters import parameters_from_rotations
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.stance import Stance
 from physic_core.geometry.camera import pixel_grid, unproject
-from physic_core.geometry.floor import FloorSearch
-from physic_core.pipeline.estimate import Estimates
 from physic_core.types import (
     SKELETONS,
-    Bodies,
-    ContactProbability,
-    DepthMap,
-    Intrinsics,
-    Keypoints,
-    People,
-    Pointmap,
     Skeleton,
 )
 from physic_paper.released.pointmap import published_normals
@@ -187,44 +176,6 @@ class Published:
             estimated_transl=estimated,
             keypoint_transl=self["one/out/s1_end/param/transl"],
         )
-
-    def evidence(self) -> Estimates:
-        """What estimators would say who saw the problem's inputs: the whole engine can be run on it."""
-        height, width = self.size
-        K = self.arrays["camera/K"].astype(np.float64)
-        camera = Intrinsics(*(float(K[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2))), width, height)
-        person, image = self.bits("one/in/person_pixel").numpy(), np.zeros((height, width, 3), np.uint8)
-        scene, original = (self._pointmap(points, camera) for points in (self.points(), self.human_map()))
-        rotations, betas, transl = self.given("init")
-        probability = self.arrays["one/in/contact_prob"]
-        return Estimates(
-            image=image,
-            intrinsics=camera,
-            camera_given=True,
-            people=People(
-                person[None],
-                self.arrays["one/in/boxes"],
-                self.arrays["one/in/scores"],
-                self.bits("one/in/floor_mask").numpy(),
-            ),
-            keypoints=Keypoints(
-                self.arrays["one/in/keypoints"], self.arrays["one/in/keypoint_conf"], "coco_wholebody133"
-            ),
-            hole=person,
-            inpainted=image,
-            scene=scene,
-            original=original,
-            floor=FloorSearch(None, "no_pixels"),
-            stance=Stance.unknown(1),
-            bodies=Bodies(parameters_from_rotations(rotations, betas, torch.zeros(1, 0), transl), "smplx"),
-            contact=ContactProbability(probability, "published"),
-            depth=DepthMap(np.where(scene.valid, scene.points[..., 2], np.nan), camera),
-        )
-
-    @staticmethod
-    def _pointmap(points: Tensor, camera: Intrinsics) -> Pointmap:
-        valid = torch.isfinite(points).all(-1)
-        return Pointmap(torch.where(valid[..., None], points, 0.0).numpy(), valid.numpy(), "scale", camera)
 
     # The body
 

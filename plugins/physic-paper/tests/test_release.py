@@ -227,17 +227,17 @@ def whose_body(published: Published, whose: str) -> tuple[Tensor, float]:
 
 def test_stage_one_is_the_published_one(published: Published) -> None:
     points = published.points()
-    normals = published_normals(points, torch.isfinite(points).all(-1))
+    valid = torch.isfinite(points).all(-1)
+    normals = published_normals(points, valid)
     off = (normals[::6, ::6] - published["one/out/pre/normals_stride6"]).abs().amax(-1)
     # In one pixel the differences are nearly parallel: the published number there is rounded by float32.
     assert int((off > 1e-5).sum()) <= 1
     assert float(off.max()) < 1e-4
-    evidence = published.evidence()
     given = SceneInput(
-        torch.from_numpy(evidence.scene.points),
-        torch.from_numpy(evidence.scene.valid),
-        evidence.scene.unknown,
-        torch.from_numpy(evidence.depth.depth),
+        torch.where(valid[..., None], points, 0.0),
+        valid,
+        "scale",
+        torch.where(valid, points[..., 2], torch.nan),
         Cameras(published["camera/K"].double()),
         FloorEvidence(published.bits("one/in/floor_mask")),
     )
