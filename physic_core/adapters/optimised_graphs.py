@@ -20,8 +20,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from physic_core.cache.claim import claimed_cache, is_own
-from physic_core.cache.lru_folder import LruFolder
+from physic_core.cache.folders import LruFolder, claimed_cache, is_own
 
 if TYPE_CHECKING:
     from onnxruntime import InferenceSession

@@ -1,9 +1,10 @@
-"""Write ``contact-sheet.html``: thumbnails and numbers of many photos on one page, with filters, without a network."""
+"""``contact-sheet.html``: thumbnails and numbers of many photos on one page, with filters, without a network."""
 
 from __future__ import annotations
 
 import base64
 import html
+import io
 import json
 import os
 import shlex
@@ -11,16 +12,18 @@ from collections.abc import Iterable, Mapping, Sequence
 from importlib.resources import files
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from physic_core.batch.journal import last_rows
 from physic_core.batch.photos import photo_folder
-from physic_core.batch.thumbnails import thumbnail_path
 from physic_core.errors import InputError, PhysicError
-from physic_core.files.atomic import atomic_write, check_own, check_writable
+from physic_core.files.atomic import MARK, atomic_write, check_own, check_writable, write_own
 from physic_core.io.result_folder import ARRAYS_FILE, DOCUMENT_FILE, PREVIEW_FILE, REPORT_FILE
 from physic_core.io.result_record import read_record
 from physic_core.io.results import read_image
+
+if TYPE_CHECKING:
+    from physic_core.types import Reconstruction
 
 _MAX_PHOTOS = 5000
 """Most photos of one page, which then has about 60 MB."""
@@ -28,6 +31,9 @@ _MAX_PHOTOS = 5000
 _FILE = "contact-sheet.html"
 _MARK = "<title>PhySIC contact sheet</title>"
 _THUMBNAIL = (320, 180)
+_HEIGHT = 180  # px of a thumbnail: photo with people, and side view
+_NARROWEST, _WIDEST, _SIDE_VIEW = 1 / 3, 16 / 9, 11 / 9
+"""Width over height of the narrowest and the widest photo, and of the side view."""
 
 
 def check_contact_sheet(out: Path) -> None:
@@ -170,8 +176,6 @@ def _thumbnail(result: Path) -> str:
     Raises:
         InputError: the arrays are damaged.
     """
-    import io
-
     from PIL import Image
 
     found = read_image(result)
@@ -182,3 +186,43 @@ def _thumbnail(result: Path) -> str:
     buffer = io.BytesIO()
     image.save(buffer, "JPEG", quality=72)
     return base64.b64encode(buffer.getvalue()).decode()
+
+
+def thumbnail_path(folder: str) -> str:
+    """Return the path of a thumbnail in the output folder for a photo's folder "photos/3f/NAME"."""
+    return f"thumbnails/{folder.removeprefix('photos/')}.jpg"
+
+
+def write_thumbnail(result: Reconstruction, out: Path, folder: str) -> Path:
+    """Write the thumbnail of a photo as one small JPEG of 180 px height, and return its path.
+
+    Args:
+        result: of the photo.
+        out: folder of the batch.
+        folder: of the photo, relative to ``out``.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    return write_own(out / thumbnail_path(folder), thumbnail_jpeg(result, _HEIGHT))
+
+
+def thumbnail_jpeg(result: Reconstruction, height: int) -> bytes:
+    """Return the people over the photo, and the side view, as one JPEG of a height in px."""
+    import numpy as np
+    from PIL import Image
+
+    from physic_core.visual.orthographic_views import build_preview_geometry, side_view
+    from physic_core.visual.panels import overlay_panel
+
+    geometry = build_preview_geometry(result)
+    aspect = result.image.shape[1] / result.image.shape[0]
+    wide = round(height * max(_NARROWEST, min(_WIDEST, aspect)))
+    panels: Sequence[object] = (
+        overlay_panel(result, geometry, wide, height),
+        side_view(geometry, round(_SIDE_VIEW * height), height).picture,
+    )
+    buffer = io.BytesIO()
+    picture = Image.fromarray(np.concatenate([np.asarray(panel)[:height] for panel in panels], axis=1))
+    picture.save(buffer, "JPEG", quality=72, optimize=True, comment=MARK)
+    return buffer.getvalue()

@@ -15,11 +15,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from physic_core.batch.contact_sheet import write_thumbnail
 from physic_core.batch.journal import COLUMNS, PEOPLE_COLUMN, THUMBNAIL
 from physic_core.batch.machine import peak_memory_mb
 from physic_core.batch.photos import PhotoItem, photo_folder
 from physic_core.batch.settings import batch_config, config_digest, settings_digest
-from physic_core.batch.thumbnails import write_thumbnail
 from physic_core.configuration.model import as_config
 from physic_core.configuration.resolve import require_available, resolve
 from physic_core.discovery.plugins import core_version, discover

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body.convert.correspondence import CORRESPONDENCE_VERSION, Correspondence, find_correspondence
-from physic_core.cache.claim import claimed_cache
+from physic_core.cache.folders import claimed_cache
 from physic_core.errors import OutputError
 from physic_core.files.plain import DamagedFileError, read_value, write_value
 

@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from physic_core.cache.claim import claimed_cache
+from physic_core.cache.folders import claimed_cache
 from physic_core.errors import OutputError
 from physic_core.files.atomic import atomic_write
 

@@ -1,15 +1,108 @@
-"""Cache folders in ``$XDG_CACHE_HOME/physic``, or in the system's default cache folder."""
+"""Folders of caches: where they are, that only their user writes there, and their maximum size."""
 
 from __future__ import annotations
 
+import logging
 import os
+import shutil
+import stat
 import sys
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-
-from physic_core.cache.lru_folder import LruFolder
 
 CACHE_VARIABLE = "PHYSIC_CACHE"
 """Environment variable with the folder of all caches, or "off"."""
+
+CACHES = {
+    "results": ("results", ".result.npz"),
+    "correspondences": ("maps", ".map.npz"),
+    "graphs": ("graphs", ".graph.onnx"),
+    "hashes": ("hashes", ".sha256"),
+}
+"""Folder and suffix of each cache: results of backends, correspondences of meshes, optimised graphs of networks, and
+SHA-256s of the user's files."""
+
+_INCOMPLETE_AGE_S = 3600.0
+"""Age after which an incomplete file is deleted, s."""
+
+_OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
+_ADVICE = f"name a folder of your own in {CACHE_VARIABLE}"
+
+
+@dataclass(frozen=True)
+class CacheFile:
+    """Path, size in bytes, and time of the last use (s since the epoch) of a cache file."""
+
+    path: Path
+    size: int
+    used: float
+
+    def delete(self) -> bool:
+        """Delete the file, and return whether that was possible."""
+        try:
+            if self.path.is_dir():  # an incomplete file with its parts
+                shutil.rmtree(self.path)
+            else:
+                self.path.unlink()
+        except OSError:
+            return False
+        return True
+
+
+@dataclass(frozen=True)
+class LruFolder:
+    """The files of one cache in a folder.
+
+    Attributes:
+        path: of the folder, which need not exist.
+        suffix: of the files; other files are never deleted.
+    """
+
+    path: Path
+    suffix: str
+
+    def files(self) -> list[CacheFile]:
+        """Return the files, least recently used first."""
+        return sorted(self._matching(f"[!.]*{self.suffix}"), key=lambda file: (file.used, file.path))
+
+    def mark_used(self, name: str) -> None:
+        """Set the last use of a file to now."""
+        with suppress(OSError):
+            os.utime(self.path / name)
+
+    def trim(self, limit: int) -> None:
+        """Delete old incomplete files, then the least recently used files beyond ``limit`` bytes."""
+        for file in self._incomplete():
+            if file.used < time.time() - _INCOMPLETE_AGE_S:
+                file.delete()
+        files = self.files()
+        total = sum(file.size for file in files)
+        for file in files:
+            if total <= limit:
+                break
+            file.delete()
+            total -= file.size
+
+    def clear(self) -> list[CacheFile]:
+        """Delete all files and return the deleted ones."""
+        for file in self._incomplete():
+            file.delete()
+        return [file for file in self.files() if file.delete()]
+
+    def _incomplete(self) -> list[CacheFile]:
+        return self._matching(f".*{self.suffix}.*.physic-part")
+
+    def _matching(self, pattern: str) -> list[CacheFile]:
+        files = []
+        with suppress(OSError):
+            for path in self.path.glob(pattern):
+                with suppress(OSError):  # another process may delete it
+                    status = path.stat()
+                    files.append(CacheFile(path, status.st_size, status.st_mtime))
+        return files
 
 
 def cache_folder(name: str, variable: str = "") -> Path | None:
@@ -37,18 +130,59 @@ def cache_folder(name: str, variable: str = "") -> Path | None:
     return Path(base) / "physic" / name
 
 
-CACHES = {
-    "results": ("results", ".result.npz"),
-    "correspondences": ("maps", ".map.npz"),
-    "graphs": ("graphs", ".graph.onnx"),
-    "hashes": ("hashes", ".sha256"),
-}
-"""Folder and suffix of each cache: results of backends, correspondences of meshes, optimised graphs of networks, and
-SHA-256s of the user's files."""
-
-
 def users_cache(name: str) -> LruFolder | None:
     """Return a cache of :data:`CACHES`; None if it is disabled."""
     folder, suffix = CACHES[name]
     root = cache_folder("", CACHE_VARIABLE)
     return None if root is None else LruFolder(root / folder, suffix)
+
+
+def claim_folder(folder: Path | None) -> Path | None:
+    """Create a cache folder that only its user can open, or check that no one else can write to an existing one.
+
+    A folder of the user that others can write is closed to them, and its cache files are deleted, since others may
+    have written them. A folder of another user is not used. One warning per process says so. Windows is not checked.
+
+    Returns:
+        The folder, which does not exist if it cannot be created. None for None, and if the folder must not be used.
+    """
+    if folder is None:
+        return None
+    with suppress(OSError):  # the first write says why
+        for missing in reversed([path for path in (folder, *folder.parents) if not os.path.exists(path)]):
+            missing.mkdir(mode=stat.S_IRWXU, exist_ok=True)
+    if sys.platform == "win32" or not os.path.exists(folder):
+        return folder
+    if folder.stat().st_uid != os.geteuid():
+        _warn(f"the cache in {folder.parent} is not used, since it belongs to another user: {_ADVICE}")
+        return None
+    if folder.stat().st_mode & _OTHERS_WRITE:
+        with suppress(OSError):  # the next line finds out
+            folder.chmod(stat.S_IRWXU)
+        if folder.stat().st_mode & _OTHERS_WRITE:
+            _warn(f"the cache in {folder.parent} is not used, since others can write to it: {_ADVICE}")
+            return None
+        for _, suffix in CACHES.values():
+            LruFolder(folder, suffix).clear()
+        _warn(f"others could write to the cache in {folder.parent}: now only you can, and its content was discarded")
+    return folder
+
+
+def claimed_cache(name: str) -> LruFolder | None:
+    """Return a cache of the user after :func:`claim_folder`; None if it is disabled or must not be used."""
+    found = users_cache(name)
+    return None if found is None or claim_folder(found.path) is None else found
+
+
+def is_own(path: Path) -> bool:
+    """Return whether a file or folder belongs to the user, which is not checked on Windows; False if it is gone."""
+    try:
+        return sys.platform == "win32" or path.stat().st_uid == os.geteuid()
+    except OSError:
+        return False
+
+
+@cache
+def _warn(message: str) -> None:
+    """Log a warning once in a process."""
+    logging.getLogger(__name__).warning(message)

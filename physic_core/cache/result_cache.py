@@ -17,12 +17,9 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from physic_core.cache.claim import claimed_cache
-from physic_core.cache.code import CodeDigester
-from physic_core.cache.digest import Digester
+from physic_core.cache.digest import CodeDigester, Digester
 from physic_core.cache.file_hashes import files_named_by
-from physic_core.cache.folders import CACHES
-from physic_core.cache.lru_folder import LruFolder
+from physic_core.cache.folders import CACHES, LruFolder, claimed_cache
 from physic_core.cache.stored_results import KINDS, restored
 from physic_core.discovery.plugins import required_versions
 from physic_core.errors import OutputError

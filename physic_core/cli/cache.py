@@ -12,7 +12,7 @@ from physic_core.cli.output import echo, format_table
 from physic_core.errors import ConfigError
 
 if TYPE_CHECKING:
-    from physic_core.cache.lru_folder import CacheFile, LruFolder
+    from physic_core.cache.folders import CacheFile, LruFolder
 
 
 @click.group()

@@ -26,8 +26,16 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
     People are matched by their masks. Joints is the mean distance of the joints from pelvis to wrists; pose is the same
     with both pelvises in one place.
     """
-    from physic_core.batch.comparison import compare_results, pair_results
-    from physic_core.batch.comparison_page import HEAD, comparison_page, picture_pair, summary_lines, table_rows
+    from physic_core.batch.comparison import (
+        HEAD,
+        PICTURE_HEIGHT,
+        compare_results,
+        comparison_page,
+        pair_results,
+        summary_lines,
+        table_rows,
+    )
+    from physic_core.batch.contact_sheet import thumbnail_jpeg
     from physic_core.errors import InputError
     from physic_core.files.atomic import check_own, write_own
     from physic_core.files.plain import split
@@ -47,7 +55,7 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
             failed = error
         else:
             if page is not None:
-                pictures.append(picture_pair(results[0], results[1]))
+                pictures.append([thumbnail_jpeg(one, PICTURE_HEIGHT) for one in results])
     lines = summary_lines(photos, paired.only)
     if as_json:
         only = {f"only_{name}": list(map(str, folders)) for name, folders in zip("ab", paired.only, strict=True)}

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING
 
-from physic_core.cache.code import CodeDigester  # imported before any backend: it detects later edits of their code
+from physic_core.cache.digest import CodeDigester  # imported before any backend: it detects later edits of their code
 from physic_core.configuration.model import as_config
 from physic_core.configuration.resolve import ResolvedPipeline, require_available, resolve, resolve_one
 from physic_core.discovery.plugins import discover

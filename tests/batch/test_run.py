@@ -29,6 +29,7 @@ from physic_core.batch.process import BatchJob, PhotoProcessor, base_row
 from physic_core.batch.run import plan_batch, run_batch
 from physic_core.configuration.model import load_config
 from physic_core.errors import InputError, OutputError
+from physic_core.io.result_folder import file_digest
 
 from .conftest import STANDIN
 
@@ -163,23 +164,17 @@ def test_a_truncated_row_counts_for_nothing(tmp_path: Path):
         assert len(found.last) + found.damaged == sum(map(bool, content[:at].split(b"\n")))
 
 
-def test_shards_have_journals_of_their_own_that_are_read_together(tmp_path: Path):
-    for number, name in enumerate("ab", start=1):
-        with Journal(tmp_path / f"journal-{number}-of-2.jsonl") as journal:
-            journal.append(row(name))
-            journal.append(row("both", value=number))
-    assert sorted(read_journals(tmp_path).last) == ["a", "b", "both"]
-    assert read_journals(tmp_path).last["both"]["value"] == 2
-    assert Counter(found["id"] for found in last_rows(tmp_path)) == {"a": 1, "b": 1, "both": 1}
-
-
 @pytest.mark.parametrize("names", [("1-of-2", "2-of-2"), ("2-of-2", "1-of-2")])
 def test_of_several_journals_the_later_run_counts_whatever_its_clock_says(tmp_path: Path, names: tuple[str, str]):
     for value, name in enumerate(names):
         with Journal(tmp_path / f"journal-{name}.jsonl") as journal:
-            journal.append(row("a", f"2026-01-0{9 - value}T00:00:00", value=value))
-    assert read_journals(tmp_path).last["a"]["value"] == 1
-    assert [found["value"] for found in last_rows(tmp_path)] == [1]
+            journal.append(row(f"only {name}"))
+            journal.append(row("both", f"2026-01-0{9 - value}T00:00:00", value=value))
+    found = read_journals(tmp_path).last
+    assert sorted(found) == ["both", "only 1-of-2", "only 2-of-2"]
+    assert found["both"]["value"] == 1
+    assert sorted(last["id"] for last in last_rows(tmp_path)) == sorted(found)
+    assert [last["value"] for last in last_rows(tmp_path) if last["id"] == "both"] == [1]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no locks")
@@ -207,12 +202,9 @@ def test_a_journal_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 def finished(job: BatchJob, photos: Path, **more: Any) -> None:
     """Write a done row for every photo, as a run would."""
-    out = Path(job.out)
-    out.mkdir(exist_ok=True)
-    with Journal(out / "journal.jsonl") as journal:
+    Path(job.out).mkdir(exist_ok=True)
+    with Journal(Path(job.out) / "journal.jsonl") as journal:
         for item in list_photos([str(photos)]).photos:
-            from physic_core.io.result_folder import file_digest
-
             journal.append(base_row(job, item.stamped()) | {"state": "done", "photo": file_digest(item.path)} | more)
 
 
@@ -274,14 +266,9 @@ def test_another_content_of_a_file_does_its_photos_anew(tmp_path: Path, out: Pat
     assert todo(again, source) == (["a", "b"] if place == "config" else ["a"])
 
 
-def tiny(path: str, settings: Mapping[str, Any]) -> Any:
-    """Return the same small result for every photo."""
-    return tiny_result()
-
-
-def run_tiny(photos: Path, job: BatchJob) -> dict[str, Any]:
-    """Write the result of every photo and its row, and return the last row."""
-    process = PhotoProcessor(job, tiny)
+def run_all(photos: Path, job: BatchJob, reconstruct: Any = lambda path, settings: tiny_result()) -> dict[str, Any]:
+    """Do all photos in this process, by default with the same small result, and return the last row."""
+    process = PhotoProcessor(job, reconstruct)
     todo = list_photos([str(photos)]).photos
     run_batch(todo, job, lambda items, job: (process(item) for item in items), Path(job.out) / "journal.jsonl")
     return list(read_journals(Path(job.out)).last.values())[-1]
@@ -297,7 +284,7 @@ def quick_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_each_file_that_is_lost_is_made_again(tmp_path: Path, out: Path, save: str):
     photos = make_photos(tmp_path / "photos", "a")
     job = BatchJob(load_config(preset="mock"), str(out), save)
-    found = run_tiny(photos, job)
+    found = run_all(photos, job)
     sizes = dict(text.split("=") for text in found["files"].split())
     assert sizes == {
         "thumbnail" if path.suffix == ".jpg" else path.name: str(path.stat().st_size)
@@ -322,7 +309,7 @@ def test_a_result_without_its_row_is_done_again(tmp_path: Path, out: Path):
     """A batch that was killed between a result and its row leaves this."""
     photos = make_photos(tmp_path / "photos", "a", "b")
     job = BatchJob(load_config(preset="mock"), str(out), "numbers")
-    run_tiny(photos, job)
+    run_all(photos, job)
     journal = out / "journal.jsonl"
     first, _ = journal.read_bytes().splitlines(keepends=True)
     journal.write_bytes(first)
@@ -330,12 +317,11 @@ def test_a_result_without_its_row_is_done_again(tmp_path: Path, out: Path):
     assert todo(job, photos) == ["b"]
 
 
-@pytest.mark.parametrize("damage", ["deleted", "cut"])
-@pytest.mark.parametrize("name", ["reconstruction.json", "reconstruction.npz"])
+@pytest.mark.parametrize(("name", "damage"), [("reconstruction.json", "deleted"), ("reconstruction.npz", "cut")])
 def test_a_photo_with_a_lost_file_is_done_anew(tmp_path: Path, out: Path, name: str, damage: str):
     photos = make_photos(tmp_path / "photos", "a")
     job = BatchJob(load_config(preset="mock"), str(out), "numbers")
-    run_tiny(photos, job)
+    run_all(photos, job)
     (path,) = out.glob(f"photos/*/*/{name}")
     (mine := path.parent / "mine.txt").write_text("mine")
     content = path.read_bytes()
@@ -343,7 +329,7 @@ def test_a_photo_with_a_lost_file_is_done_anew(tmp_path: Path, out: Path, name: 
     if damage == "cut":
         path.write_bytes(content[: len(content) // 2])
     (item,) = plan_batch(list_photos([str(photos)]).photos, job).todo
-    row = PhotoProcessor(job, tiny)(item)
+    row = PhotoProcessor(job, lambda path, settings: tiny_result())(item)
     assert (row["state"], row["message"]) == ("done", "")
     assert load_reconstruction(out / row["folder"]).photo == tiny_result().photo
     assert mine.read_text() == "mine"
@@ -358,9 +344,7 @@ def test_a_photo_that_is_replaced_while_it_is_read_is_done_again(tmp_path: Path,
             raise InputError("damaged")
         return replace(tiny_result(), photo=f"sha256:{hashlib.sha256(b'done').hexdigest()}")
 
-    process = PhotoProcessor(job, replaced)
-    items = list_photos([str(photos)]).photos
-    run_batch(items, job, lambda items, job: (process(item) for item in items), out / "journal.jsonl")
+    run_all(photos, job, replaced)
     assert sorted(todo(job, photos)) == ["done", "failed"]
 
 
@@ -377,8 +361,7 @@ def test_a_photo_whose_depth_map_changes_while_it_is_read_is_done_again(tmp_path
         return tiny_result()
 
     job = job_for(out)
-    process, items = PhotoProcessor(job, changed), list_photos([str(tmp_path / "table.csv")]).photos
-    run_batch(items, job, lambda items, job: (process(item) for item in items), out / "journal.jsonl")
+    run_all(tmp_path / "table.csv", job, changed)
     assert todo(job, tmp_path / "table.csv") == ["a"]
 
 

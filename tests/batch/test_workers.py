@@ -38,9 +38,9 @@ def test_two_workers_share_the_tasks_and_are_opened_once(standin: ModuleType, tm
 @pytest.mark.parametrize(
     ("task", "how"),
     [
-        ("abort", "it was ended by SIGABRT"),
-        ("killed", "it was ended by SIGKILL; often the memory is too small"),
-        ("exit", "it exited with code 7"),
+        ("abort", "SIGABRT"),
+        ("killed", "memory is too small"),
+        ("exit", "code 7"),
     ],
 )
 def test_a_task_that_takes_its_worker_down_is_tried_twice_and_stops_no_other(
@@ -49,7 +49,8 @@ def test_a_task_that_takes_its_worker_down_is_tried_twice_and_stops_no_other(
     found = outcomes(standin, "a", task, "b", "c", count=1, logs=tmp_path)
     bad = found.pop(task)
     assert (bad.failure, bad.attempts) == ("WorkerDied", 2)
-    assert bad.message == f"{how}; see {tmp_path / 'worker-1.txt'}"
+    assert how in bad.message
+    assert str(tmp_path / "worker-1.txt") in bad.message
     assert all(outcome.failure == "" for outcome in found.values())
     if task == "abort":
         assert "Fatal Python error: Aborted" in (tmp_path / "worker-1.txt").read_text()
@@ -64,7 +65,7 @@ def test_a_worker_that_was_killed_for_another_reason_costs_no_photo(standin: Mod
 def test_a_hanging_task_is_ended_after_its_time_limit(standin: ModuleType):
     found = outcomes(standin, "hang", "a", "b", count=1, timeout=2.0)
     assert (found["hang"].failure, found["hang"].attempts) == ("Timeout", 1)
-    assert found["hang"].message == "no result after 2 s; --timeout sets the limit"
+    assert "--timeout" in found["hang"].message
     assert (found["a"].failure, found["b"].failure) == ("", "")
 
 
@@ -72,8 +73,8 @@ def test_a_hanging_task_is_ended_after_its_time_limit(standin: ModuleType):
     ("name", "kind", "message"),
     [
         ("refuse", ConfigError, "preset mock: 1 error"),
-        ("refuse_oddly", BackendError, "a worker cannot load the backends: KeyError: 'weights'"),
-        ("crash", BackendError, "a worker ended while it loaded the backends: it was ended by SIGABRT"),
+        ("refuse_oddly", BackendError, "KeyError: 'weights'"),
+        ("crash", BackendError, "SIGABRT"),
     ],
 )
 def test_workers_that_cannot_start_end_the_batch_at_once(standin: ModuleType, name: str, kind: type, message: str):

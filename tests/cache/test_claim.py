@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physic_core.cache.claim import claim_folder
-from physic_core.cache.folders import CACHES
+from physic_core.cache.folders import CACHES, claim_folder
 from physic_core.cache.result_cache import CacheKey, ResultCache
 from physic_core.types import DepthMap
 

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from physic_core.cache.folders import cache_folder
-from physic_core.cache.lru_folder import LruFolder
+from physic_core.cache.folders import LruFolder, cache_folder
 
 
 def put(folder: Path, name: str, size: int, age_s: float) -> Path:

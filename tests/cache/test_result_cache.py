@@ -14,7 +14,7 @@ import pytest
 from pydantic import Field
 
 from physic_core import interfaces
-from physic_core.cache import code
+from physic_core.cache import digest
 from physic_core.cache import result_cache as module
 from physic_core.cache.result_cache import ResultCache
 from physic_core.cache.stored_results import canonicalize
@@ -43,7 +43,7 @@ ANSWER = DepthMap(np.full((6, 8), np.nan, np.float32), Intrinsics.from_focal(9, 
 @pytest.fixture(autouse=True)
 def _old_code(monkeypatch: pytest.MonkeyPatch) -> None:
     """Files that are edited while the tests run count as older than this process."""
-    monkeypatch.setattr(code, "_STARTED", float("inf"))
+    monkeypatch.setattr(digest, "_STARTED", float("inf"))
 
 
 @pytest.fixture

@@ -73,35 +73,26 @@ def run(*arguments: str) -> tuple[str, ...]:
     return ("run", "photo.jpg", "--preset", "mock", "--save", "numbers", "--no-report", *arguments)
 
 
-SUMMARY = (
-    "no person, scene only in 3.2 s, plus 0.5 s to load models\n"
-    "note: focal length is a default\n"
-    "warning: no floor was found\n"
-    "grade: none  (checks: no checks were run)\n"
-    "results: photo-physic/\n"
-)
-
-
-STEPS = (
-    "[1/2] people\n[2/2] scene\n"
-    "the focal length, and with it all distances, is an estimate: if you know it, give --focal-px PX, in px of the "
-    "photo file, or --intrinsics fx,fy,cx,cy\n"
-)
-"""Progress of a run, and how to give what it did not know."""
 ARRAYS = ("reconstruction.json", "reconstruction.npz")
+
+
+def names() -> list[str]:
+    return sorted(path.name for path in Path("photo-physic").iterdir())
 
 
 def test_run_writes_beside_the_photo_and_says_what_was_found(pipeline):
     done = physic(*run())
     assert done.exit_code == 0, done.output
-    assert (done.stdout, done.stderr) == (SUMMARY, STEPS)
-    assert sorted(path.name for path in Path("photo-physic").iterdir()) == ["people.csv", *ARRAYS]
+    for words in ("no person", "3.2 s", "note: focal length", "warning: no floor", "grade: none", "photo-physic/\n"):
+        assert words in done.stdout
+    assert done.stderr.startswith("[1/2] people\n[2/2] scene\n")
+    assert "--focal-px PX" in done.stderr
+    assert names() == ["people.csv", *ARRAYS]
     assert pipeline.calls[0][0] == Path("photo.jpg")
 
 
 def test_run_ends_with_the_path_of_the_page(pipeline):
-    done = physic(*run("--report"))
-    assert done.stdout == f"{SUMMARY}page: photo-physic/report.html\n"
+    assert physic(*run("--report")).stdout.splitlines()[-1] == "page: photo-physic/report.html"
     assert Path("photo-physic/report.html").is_file()
 
 
@@ -111,7 +102,7 @@ def test_a_run_that_is_interrupted_while_its_page_is_made_leaves_the_result(pipe
 
     monkeypatch.setattr("physic_core.io.extra_files.report_html", interrupted)
     assert physic(*run("--report")).exit_code == 130
-    assert sorted(path.name for path in Path("photo-physic").iterdir()) == ["people.csv", *ARRAYS]
+    assert names() == ["people.csv", *ARRAYS]
     Reconstruction.load("photo-physic")
 
 
@@ -119,13 +110,11 @@ def test_run_without_a_plugin_for_the_page_says_so_in_one_line(pipeline, monkeyp
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
     default = [argument for argument in run() if argument != "--no-report"]
     done = physic(*default)
-    assert (done.exit_code, done.stdout) == (0, SUMMARY)
-    assert done.stderr.startswith("no page: ")
-    assert done.stderr.endswith(STEPS)
-    assert "physic-viewer" in done.stderr
-    assert sorted(path.name for path in Path("photo-physic").iterdir()) == ["people.csv", *ARRAYS]
+    assert done.exit_code == 0
+    assert "physic-viewer" in done.stderr.splitlines()[0]
+    assert names() == ["people.csv", *ARRAYS]
     assert physic(*default, "-q").stderr == "warning: no floor was found\n"
-    assert physic(*run()).stderr == STEPS
+    assert "physic-viewer" not in physic(*run()).stderr
     pipeline.calls.clear()
     for option in ("--report", "--open"):
         assert "physic-viewer" in refusal(*default, option, code=4)
@@ -135,7 +124,7 @@ def test_run_without_a_plugin_for_the_page_says_so_in_one_line(pipeline, monkeyp
 def test_json_is_one_object_on_stdout(pipeline):
     done = physic(*run("--json"))
     summary = json.loads(done.stdout)
-    assert done.stderr == STEPS
+    assert done.stderr.startswith("[1/2] people\n")
     assert (summary["folder"], summary["grade"], summary["people"]) == ("photo-physic", None, [])
     assert summary["files"] == [*ARRAYS, "people.csv"]
     assert (summary["warnings"], summary["seconds"]) == (["no floor was found"], 3.25)
@@ -152,11 +141,11 @@ def test_show_prints_what_the_run_printed(pipeline):
 @pytest.mark.parametrize(
     ("photos", "code", "message"),
     [
-        (["a.jpg", "b c.jpg"], 2, "takes one photo, got 2; for many, type: physic batch a.jpg 'b c.jpg' -o"),
-        (["photos"], 3, "it is a folder; name one image file; for many, type: physic batch photos -o results"),
-        (["photos/*.jpg"], 3, "it is a pattern; name one image file; for many, type: physic batch 'photos/*.jpg'"),
-        (["https://example.org/a.jpg"], 3, "it is a URL; download it, and name the file"),
-        ([""], 2, "the photo name is empty: name an image file"),
+        (["a.jpg", "b c.jpg"], 2, "physic batch a.jpg 'b c.jpg' -o"),
+        (["photos"], 3, "physic batch photos -o results"),
+        (["photos/*.jpg"], 3, "physic batch 'photos/*.jpg'"),
+        (["https://example.org/a.jpg"], 3, "URL"),
+        ([""], 2, "empty"),
     ],
 )
 def test_run_on_a_folder_names_the_batch_command(pipeline, photos: list[str], code: int, message: str):
@@ -173,10 +162,10 @@ def test_run_keeps_what_fails_cheaply_in_front_of_the_pipeline(pipeline):
     for arguments, message in (
         (run("--set", "photo.max_side=1"), "--set: photo.max_side: "),
         (run("--device", "foo"), "--device: run.device: "),
-        (("run", "photo.jpg", "--preset", "no"), "no preset named 'no'; there are: best, embedded, light-cpu, mock"),
-        (run("-o", "taken"), "cannot write results to taken: it is a file; name a folder, or move the file away"),
-        (run("-o", "taken/deep"), "cannot write results to taken/deep: Not a directory; name another folder"),
-        (run("-o", f"new/{long}/deep"), "/deep: File name too long; name another folder"),
+        (("run", "photo.jpg", "--preset", "no"), "no preset named 'no'; there are: "),
+        (run("-o", "taken"), "taken: it is a file"),
+        (run("-o", "taken/deep"), "taken/deep: Not a directory"),
+        (run("-o", f"new/{long}/deep"), "/deep: File name too long"),
     ):
         assert message in refusal(*arguments)
     assert pipeline.calls == []
@@ -198,25 +187,17 @@ def test_a_missing_gpu_is_reported(pipeline, monkeypatch):
     assert f"torch {torch.__version__} finds no CUDA GPU" in refusal(*run("--device", "cuda"))
     monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
     monkeypatch.setattr(torch.cuda, "device_count", lambda: 1)
-    assert refusal(*run("--device", "cuda:1")).endswith("only 'cuda:0' is")
-    monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
-    assert refusal(*run("--device", "cuda:2")) == "device 'cuda:2' is not there: only 'cuda:0' to 'cuda:1' are"
+    assert "only 'cuda:0' is" in refusal(*run("--device", "cuda:1"))
 
 
-def test_a_run_that_fails_leaves_no_empty_folder_behind(pipeline):
-    pipeline.error = InputError("no photo at photo.jpg")
-    Path("mine").mkdir()
-    done = physic(*run("-o", "mine/new/deep"))
-    assert (done.exit_code, done.stdout, done.stderr) == (3, "", "[1/2] people\nError: no photo at photo.jpg\n")
-    assert list(Path("mine").iterdir()) == []
-
-
-def test_an_older_result_outlives_a_run_that_fails(pipeline):
+def test_a_run_that_fails_leaves_no_empty_folder_and_the_older_result(pipeline):
     pipeline.error = InputError("no photo at photo.jpg")
     Path("mine").mkdir()
     Path("mine/reconstruction.json").write_text("old")
     assert physic(*run("-o", "mine")).exit_code == 3
-    assert Path("mine/reconstruction.json").read_text() == "old"
+    done = physic(*run("-o", "mine/new/deep"))
+    assert (done.exit_code, done.stdout, done.stderr) == (3, "", "[1/2] people\nError: no photo at photo.jpg\n")
+    assert [path.read_text() for path in Path("mine").iterdir()] == ["old"]
 
 
 @pytest.mark.parametrize(
@@ -235,19 +216,16 @@ def test_a_lack_of_memory_is_a_message(pipeline, error):
     assert done.stderr.splitlines()[-1].startswith("Error: out of memory. Close other programs")
 
 
-BOTH = '--preset cannot be combined with {}: write extends = "NAME" into the file'
-
-
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        (run("--focal-px", "900", "--intrinsics", "1,2,3,4"), "--focal-px and --intrinsics both set the camera"),
-        (run("--config", "x.toml"), BOTH.format("--config")),
-        (run("--intrinsics", "1,2,3"), "'1,2,3' is not four comma-separated numbers: fx,fy,cx,cy in px"),
-        (run("-o", ""), "Invalid value for '-o' / '--out': it is empty: name a file or a folder"),
-        (("config", "show", "--preset", "mock", "x.toml"), BOTH.format("FILE")),
-        (("batch", "a.jpg", "-o", "out", "--preset", "mock", "--config", "x.toml"), BOTH.format("--config")),
-        (("serve", "--preset", "mock", "--config", "x.toml"), BOTH.format("--config")),
+        (run("--focal-px", "900", "--intrinsics", "1,2,3,4"), "--focal-px and --intrinsics"),
+        (run("--config", "x.toml"), "--preset cannot be combined with --config"),
+        (run("--intrinsics", "1,2,3"), "four comma-separated numbers: fx,fy,cx,cy"),
+        (run("-o", ""), "'-o' / '--out': it is empty"),
+        (("config", "show", "--preset", "mock", "x.toml"), "--preset cannot be combined with FILE"),
+        (("batch", "a.jpg", "-o", "out", "--preset", "mock", "--config", "x.toml"), "cannot be combined with --config"),
+        (("serve", "--preset", "mock", "--config", "x.toml"), "cannot be combined with --config"),
     ],
 )
 def test_a_wrong_use_exits_with_2(arguments: tuple[str, ...], expected: str, pipeline):
@@ -260,9 +238,7 @@ def test_debug_shows_the_traceback(pipeline, monkeypatch):
     done = physic(*run())
     assert done.exit_code == 3
     assert "Traceback (most recent call last):" in done.stderr
-    assert done.stderr.endswith(
-        "\nphysic_core.errors.InputError: no photo at photo.jpg\nError: no photo at photo.jpg\n"
-    )
+    assert done.stderr.endswith("\nError: no photo at photo.jpg\n")
 
 
 A, B = Origin("a", "physic-a", "1.0"), Origin("b", "physic-b", "2.0", seconds=2.13)

@@ -14,7 +14,6 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
@@ -37,22 +36,9 @@ def run(photo: str, *arguments: str) -> Result:
     return CliRunner().invoke(main, ["run", photo, "--preset", "mock", "-o", "new/out", *arguments])
 
 
-def truncated(path: Path) -> None:
-    noise = np.random.default_rng(0).integers(0, 255, (200, 300, 3), np.uint8)
-    Image.fromarray(noise).save(path)
-    path.write_bytes(path.read_bytes()[:9000])
-
-
 @pytest.mark.parametrize(
     ("make", "message"),
-    [
-        (lambda path: None, "there is no such file"),
-        (lambda path: path.mkdir(), "it is a folder"),
-        (lambda path: path.write_text("a letter"), "it is not an image"),
-        (lambda path: path.touch(), "the file is empty"),
-        (truncated, "damaged or truncated"),
-        (lambda path: Image.new("RGB", (8, 8)).save(path), "it is 8 x 8 px"),
-    ],
+    [(lambda path: path.write_text("a letter"), "not an image"), (lambda path: path.mkdir(), "it is a folder")],
 )
 def test_a_bad_photo_is_one_message_and_leaves_nothing(make: Callable[[Path], object], message: str):
     make(Path("a.jpg"))
@@ -67,53 +53,26 @@ def test_a_principal_point_outside_the_photo_is_refused_and_one_off_its_centre_w
     Image.fromarray(world.image).save("a.png")
     done = run("a.png", "--intrinsics", "178,178,5000,5000")
     assert (done.exit_code, done.stdout) == (3, "")
-    assert "Error: a.png: the principal point (5000, 5000) lies outside the photo of 160 x 120 px" in done.stderr
+    assert "a.png: the principal point (5000, 5000) lies outside" in done.stderr
     done = run("a.png", "--intrinsics", "178,178,109.5,59.5")
     assert done.exit_code == 0, done.output
-    assert "warning: the principal point (110, 60) lies 19% of the photo's size off its centre (given)" in done.stdout
+    assert "the principal point (110, 60) lies 19% of" in done.stdout
 
 
-def sixteen_bit(image: np.ndarray, path: Path) -> None:
-    assert cv2.imwrite(str(path), image[..., ::-1].astype(np.uint16) * 257)
-
-
-def with_alpha(image: np.ndarray, path: Path) -> None:
-    Image.fromarray(image).convert("RGBA").save(path)
-
-
-def turned(image: np.ndarray, path: Path) -> None:
+def test_a_photo_that_is_stored_turned_gives_the_result_of_the_upright_one(world: World):
     exif = Image.Exif()
     exif[0x0112] = 6
-    Image.fromarray(np.ascontiguousarray(np.rot90(image))).save(path, exif=exif)
-
-
-@pytest.mark.parametrize(
-    ("save", "note"),
-    [
-        (sixteen_bit, "16 bits per channel were scaled to 8"),
-        (with_alpha, None),
-        (turned, "rotated upright according to the EXIF orientation"),
-    ],
-)
-def test_an_odd_file_gives_the_result_of_a_plain_one(world: World, save: Callable[..., None], note: str | None):
-    save(world.image, Path("a.png"))
+    Image.fromarray(np.ascontiguousarray(np.rot90(world.image))).save("a.png", exif=exif)
     done = run("a.png")
     assert done.exit_code == 0, done.output
     document = json.loads(Path("new/out/reconstruction.json").read_text())
     assert len(document["people"]) == 1
-    assert note is None or note in document["notes"]
-    assert f"note: {note}\n" in done.stdout or note is None
+    assert document["notes"][0] in done.stdout
     np.testing.assert_array_equal(Reconstruction.load("new/out").image, world.image)
 
 
-DEFAULT_FILES = [
-    "combined.glb",
-    "people.csv",
-    "preview.png",
-    "reconstruction.json",
-    "reconstruction.npz",
-    "report.html",
-]
+ARRAYS = ["reconstruction.json", "reconstruction.npz"]
+DEFAULT_FILES = ["combined.glb", "people.csv", "preview.png", *ARRAYS, "report.html"]
 
 
 @pytest.mark.parametrize(
@@ -122,7 +81,7 @@ DEFAULT_FILES = [
         ((), DEFAULT_FILES),
         (("--no-report",), DEFAULT_FILES[:-1]),
         (("--save", "numbers"), ["people.csv", *DEFAULT_FILES[3:]]),
-        (("--save", "people", "--no-report"), ["people.csv", "reconstruction.json", "reconstruction.npz"]),
+        (("--save", "people", "--no-report"), ["people.csv", *ARRAYS]),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from physic_core import interfaces
-from physic_core.cache import code
+from physic_core.cache import digest
 from physic_core.cache.result_cache import ResultCache
 from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.errors import BackendError, BackendOutputError, InputError, NoPersonError, PhysicError
@@ -63,7 +63,7 @@ LOADS = f"(tests/pipeline/test_stage_runner.py:{Counting.note.__code__.co_firstl
 @pytest.fixture(autouse=True)
 def events(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     monkeypatch.setattr(Counting, "events", [])
-    monkeypatch.setattr(code, "_STARTED", float("inf"))
+    monkeypatch.setattr(digest, "_STARTED", float("inf"))
     return Counting.events
 
 

@@ -15,8 +15,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from physic_core import body
-from physic_core.cache.folders import cache_folder
-from physic_core.cache.lru_folder import LruFolder
+from physic_core.cache.folders import LruFolder, cache_folder
 from physic_core.errors import OutputError
 from physic_core.files.plain import DamagedFileError, read_value, write_value
 
