@@ -64,7 +64,7 @@ class Checkout:
         needs: modules of the environment that its code imports.
     """
 
-    folder: str
+    folder: str = ""
     _: KW_ONLY
     name: str
     package: str
@@ -117,7 +117,11 @@ class Checkout:
             try:
                 return importlib.import_module(module or self.package)
             except ModuleNotFoundError as error:
-                raise WeightsMissingError(self._import_message(error)) from error
+                absent = (error.name or "").partition(".")[0]
+                raise WeightsMissingError(
+                    f"{self.name}{self._place()} cannot be imported: {error}; if '{absent}' is not a part of it: "
+                    f"pip install {PIP_NAMES.get(absent, absent)}"
+                ) from error
             except Exception as error:  # whatever its code raises while it is imported
                 raise BackendError(
                     f"{self.name}{self._place()} cannot be imported: {type(error).__name__}: {error}; "
@@ -212,18 +216,6 @@ class Checkout:
         clone = f"git clone {self.homepage}"
         folder = self.homepage.rstrip("/").rpartition("/")[2]
         return f"{clone} && git -C {folder} checkout {self.commit}" if self.commit else clone
-
-    def _import_message(self, error: ModuleNotFoundError) -> str:
-        """Return a message for a module that could not be found during an import."""
-        absent = (error.name or "").partition(".")[0]
-        if self.root is not None and absent in _top_names(self.root.resolve()):
-            return (
-                f"{self.name}{self._place()} lacks its own module {error.name}: get a whole checkout of {self.homepage}"
-            )
-        return (
-            f"{self.name}{self._place()} needs the package '{absent}', which is not installed: "
-            f"pip install {PIP_NAMES.get(absent, absent)}"
-        )
 
     def _place(self) -> str:
         """Return " in FOLDER" for messages, or ""."""

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import logging
-import mmap
-import re
 from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
@@ -166,7 +164,7 @@ def open_session(
         except BackendError:
             raise
         except Exception as cause:
-            raise _open_error(path, chosen, cause, broken) from cause
+            raise BackendError(f"onnxruntime cannot open {path} with {chosen.name}: {cause}. {broken}") from cause
     running = session.get_providers()
     if chosen.key not in running:
         raise DeviceError(
@@ -279,26 +277,3 @@ def release_memory() -> None:
     shrink.add_run_config_entry("memory.enable_memory_arena_shrinkage", "cpu:0")
     session = ort.InferenceSession(_IDENTITY, options, providers=["CPUExecutionProvider"])
     session.run(None, {"x": np.zeros(1, np.float32)}, shrink)
-
-
-def _open_error(path: Path, provider: ExecutionProvider, cause: Exception, broken: str) -> BackendError:
-    """Return the error for a file that onnxruntime could not open."""
-    missing = [name for name in _external_data_files(path) if not (path.parent / name).is_file()]
-    if missing:
-        return BackendError(
-            f"{path.name} has its weights in other files, and {', '.join(missing)} is not in {path.parent}: "
-            "put it there, under this name (`physic weights fetch` fetches all files of a set)"
-        )
-    return BackendError(f"onnxruntime cannot open {path} with {provider.name}: {cause}. {broken}")
-
-
-def _external_data_files(path: Path) -> list[str]:
-    """Return the names of a graph's external data files, from the "location" entries in its bytes."""
-    if not path.stat().st_size:
-        return []
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        # A protobuf of two strings, fields 1 and 2, each with its length.
-        found = [
-            data[m.end() : m.end() + data[m.end() - 1]] for m in re.finditer(rb"\x0a\x08location\x12[\x01-\x7f]", data)
-        ]
-    return sorted({name.decode("utf-8", "replace") for name in found})

@@ -10,14 +10,13 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.checkouts import Checkout
-from physic_core.errors import BackendError, DeviceError, WeightsMissingError
+from physic_core.adapters.networks import TorchBackend
+from physic_core.errors import DeviceError, WeightsMissingError
 from physic_core.interfaces import GpuMemory, Inpainter, Options, Requirement, UserFile
-from physic_core.weights import fingerprint, locate, missing
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-MANIFEST = Path(__file__).parent / "weights"
 HOMEPAGE = "https://github.com/PRIS-CV/Omnieraser"
 COMMIT = "2d2ffac1f0b4ebb5ca56fba0fee7c9c9ba65840b"
 """Of the repository's train_control_lora_flux.py, which imports the pipeline; it was read there, and not run."""
@@ -52,7 +51,7 @@ class OmniEraserOptions(Options):
     allow_cpu: bool = Field(False, description="run without a GPU all the same, for hours a photo")
 
 
-class OmniEraser(Inpainter):
+class OmniEraser(TorchBackend, Inpainter):
     """Inpainter: FLUX.1-dev with OmniEraser's LoRA, in the pipeline of its repository.
 
     It takes shadows and mirror images of the removed out as far as the mask covers them: outside of the mask the photo
@@ -72,27 +71,18 @@ class OmniEraser(Inpainter):
             commit=COMMIT,
             needs=("torch", "diffusers", "transformers", "accelerate", "peft"),
         )
-        self._pipeline: Any = None
-        self._device = "cpu"
 
     def load(self, device: str = "cpu") -> None:
-        """Read FLUX.1-dev, widen its input layer, and add the LoRA. Nothing is downloaded.
-
-        Raises:
-            WeightsMissingError: the checkout, FLUX.1-dev or the LoRA is not here.
-            DeviceError: there is no GPU.
-            BackendError: the checkout's pipeline is not the one that is known here.
-        """
-        from physic_core.adapters.devices import check_device
-
-        if self._pipeline is not None:
-            return
+        """Read FLUX.1-dev, widen its input layer, and add the LoRA. Nothing is downloaded."""
         if device == "cpu" and not self.options.allow_cpu:
             raise DeviceError("OmniEraser needs a GPU: choose device 'cuda', or allow_cpu if hours do not matter")
-        check_device(device)
+        super().load(device)
+
+    def build(self, device: str) -> Any:
+        """Return the pipeline of the checkout."""
         if lack := self._missing_base_model():
             raise WeightsMissingError(lack[0])
-        lora = locate(MANIFEST, self.options.weights)
+        lora = self.file()
         lora = lora / "pytorch_lora_weights.safetensors" if lora.is_dir() else lora
         kind = self._checkout.attribute(PIPELINE)
         import torch
@@ -110,16 +100,16 @@ class OmniEraser(Inpainter):
                 pipeline.enable_sequential_cpu_offload(device=device)
             else:
                 pipeline.to(device)
-        self._pipeline, self._device = pipeline, device
+        return pipeline
 
     def close(self) -> None:
         """Release the networks."""
-        self._pipeline = None
+        super().close()
         self._checkout.close()
 
     def missing(self) -> tuple[str, ...]:
         """Describe missing checkout, packages, FLUX.1-dev and LoRA."""
-        return (*self._checkout.missing(), *self._missing_base_model(), *missing(MANIFEST, self.options.weights))
+        return (*self._checkout.missing(), *self._missing_base_model(), *super().missing())
 
     def requirements(self) -> tuple[Requirement, ...]:
         """Return the repository, its packages, FLUX.1-dev, and the memory of the GPU."""
@@ -135,7 +125,7 @@ class OmniEraser(Inpainter):
 
     def fingerprint(self) -> str:
         """Return the identity of LoRA and checkout."""
-        return f"{fingerprint(MANIFEST, self.options.weights)} {self._checkout.fingerprint()}"
+        return f"{super().fingerprint()} {self._checkout.fingerprint()}"
 
     def infer(self, image: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
         """Fill the mask (H, W), True = remove, in an image (H, W, 3); pixels outside the mask stay identical.
@@ -146,8 +136,7 @@ class OmniEraser(Inpainter):
         """
         from physic_core.adapters.inpainting import inpaint_masked
 
-        if self._pipeline is None:
-            raise BackendError("OmniEraser is not loaded: call load() before infer()")
+        self.network  # noqa: B018 -- raises an error if it is not loaded
         return inpaint_masked(image, mask, 0.0, self._fill)
 
     def _fill(self, image: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
@@ -158,17 +147,17 @@ class OmniEraser(Inpainter):
         options, square = self.options, (self.options.side, self.options.side)
         photo = Image.fromarray(np.ascontiguousarray(image)).resize(square, Image.Resampling.LANCZOS)
         white = Image.fromarray(mask.astype(np.uint8) * 255).convert("RGB").resize(square, Image.Resampling.LANCZOS)
-        cuda = [torch.device(self._device)] if self._device != "cpu" else []
+        cuda = [torch.device(self.device)] if self.device != "cpu" else []
         with self._checkout.activated(), torch.random.fork_rng(devices=cuda):
             torch.manual_seed(options.seed)  # the pipeline also draws from the common generator
-            filled = self._pipeline(
+            filled = self.network(
                 prompt=options.prompt,
                 control_image=photo,
                 control_mask=white,
                 width=options.side,
                 height=options.side,
                 num_inference_steps=options.steps,
-                generator=torch.Generator(device=self._device).manual_seed(options.seed),
+                generator=torch.Generator(device=self.device).manual_seed(options.seed),
                 guidance_scale=options.guidance,
                 max_sequence_length=512,
             ).images[0]

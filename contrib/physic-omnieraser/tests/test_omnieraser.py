@@ -116,7 +116,7 @@ def test_white_is_the_hole(stand_in_files):
     filled = backend.infer(photo, hole())
     assert np.abs(filled[25:35, 40:50].mean((0, 1)) - (180, 170, 160)).max() < 40
     assert (filled[~hole()] == photo[~hole()]).all()
-    asked = backend._pipeline.asked
+    asked = backend.network.asked
     white = np.asarray(asked["mask"])
     assert white.shape == (256, 256, 3)
     assert white[128, 128].tolist() == [255, 255, 255]
@@ -126,7 +126,7 @@ def test_white_is_the_hole(stand_in_files):
 def test_the_pipeline_is_called_as_in_the_released_code(stand_in_files):
     backend = loaded(stand_in_files)
     backend.infer(np.zeros((60, 90, 3), np.uint8), hole())
-    asked = backend._pipeline.asked
+    asked = backend.network.asked
     assert asked.pop("image").size == (256, 256)
     asked.pop("mask")
     assert asked == {

@@ -13,23 +13,23 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from physic_core.adapters.checkouts import Checkout
 from physic_core.adapters.crops import crop_around_box, padded_region, resample_crop
+from physic_core.adapters.networks import picture_tensor, to_numpy
 from physic_core.adapters.observed import SeenConfidence, observed_joints
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, letterbox, normalized_nchw
 from physic_core.adapters.smpl import empty_bodies
 from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator, Options
-from physic_human.checkout_backend import (
-    CheckoutProject,
-    batch_slices,
-    inference_context,
-    to_numpy,
-)
 from physic_human.crop_camera import camerahmr_inputs, translation_from_crop
 from physic_human.smpl_checkout import SmplCheckoutBackend, SmplCheckoutOptions
 from physic_human.user_smpl import open_smpl, pose_smpl_bodies
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import torch
+
     from physic_core.body.files.smpl import SmplBody
     from physic_core.types import Bodies, FloatArray, Hints, Intrinsics, Keypoints, People, UInt8Array
 
@@ -80,12 +80,12 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
     Options: ClassVar[type[Options]] = CameraHmrOptions
     options: CameraHmrOptions
     reads = ("people", "intrinsics", "keypoints")
-    project: ClassVar[CheckoutProject] = CheckoutProject(
-        "CameraHMR",
-        "core.camerahmr_model",
-        "https://github.com/pixelite1201/CameraHMR",
-        ("pytorch_lightning", "einops", "timm", "torchvision"),
-        "65d11a0640d23c60f55ec82ae54298e9e7e549e0",
+    project: ClassVar[Checkout] = Checkout(
+        name="CameraHMR",
+        package="core.camerahmr_model",
+        homepage="https://github.com/pixelite1201/CameraHMR",
+        commit="65d11a0640d23c60f55ec82ae54298e9e7e549e0",
+        needs=("pytorch_lightning", "einops", "timm", "torchvision"),
     )
 
     def __init__(self, options: CameraHmrOptions | None = None) -> None:
@@ -97,21 +97,19 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
         """Return the packages that the checkout imports, including those of FLNet if it is used."""
         return (*super().needs(), *(_FLNET_NEEDS if self.options.focal == "own" else ()))
 
-    def _build(self, device: str) -> None:
+    def build(self, device: str) -> Any:
         """Build the networks and load their weights."""
-        checkpoint, mean = self._checkout_network.file(_CHECKPOINT), self._checkout_network.file(_MEAN)
+        checkpoint, mean = self.file(_CHECKPOINT), self.file(_MEAN)
         self._body = open_smpl(self.options.smpl_file)
-        checkout = self._checkout_network.checkout
-        constants: Any = checkout.load("core.constants")
+        constants: Any = self.checkout.load("core.constants")
         constants.SMPL_MEAN_PARAMS_FILE = str(mean)  # its own path begins at the folder that Python was started in
-        kind = checkout.attribute("CameraHMR")
-        with inference_context(checkout, device):
-            self._checkout_network.set_network(self._load_checkpoint(kind(), checkpoint), device)
+        kind = self.checkout.attribute("CameraHMR")
         if self.options.focal == "own":
-            path = self._checkout_network.file(_CAMERA_CHECKPOINT)
-            kind = checkout.attribute("FLNet", "core.cam_model.fl_net")
-            with inference_context(checkout, device):
-                self._focal_network = self._load_checkpoint(kind(), path).eval().to(device)
+            camera_kind = self.checkout.attribute("FLNet", "core.cam_model.fl_net")
+            with self.inference():
+                self._focal_network = self.load_checkpoint(camera_kind(), self.file(_CAMERA_CHECKPOINT))
+        with self.inference():
+            return self.load_checkpoint(kind(), checkpoint)
 
     def close(self) -> None:
         """Release the networks and the SMPL model."""
@@ -126,25 +124,37 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
         Raises:
             BackendError: it is not loaded, or the network answers something else.
         """
-        network, body = self._checkout_network.loaded(), self._body
+        self.network  # noqa: B018 -- raises an error if it is not loaded
+        body = self._body
         if not len(people) or body is None:
             return empty_bodies("smpl")
         regions = [padded_region(box, 1.0, self.options.margin) for box in people.boxes]
         centres, sides = np.array([r[0] for r in regions]), np.array([r[1][0] for r in regions])
         focal = self._own_focal(image) if self.options.focal == "own" else math.sqrt(intrinsics.fx * intrinsics.fy)
-        rotations: list[FloatArray] = []
-        betas: list[FloatArray] = []
-        weak: list[FloatArray] = []
-        for rows in batch_slices(len(people), self.options.batch):
-            crops = np.concatenate([self._crop(image, box) for box in people.boxes[rows]])
-            one = self._run(network, crops, centres[rows], sides[rows], focal, intrinsics)
-            for to, what in zip((rotations, betas, weak), one, strict=True):
-                to.append(what)
-        place = translation_from_crop(np.concatenate(weak), centres, sides, intrinsics)
-        bodies = pose_smpl_bodies(body, np.concatenate(rotations), np.concatenate(betas), place)
+        crops = np.concatenate([self._crop(image, box) for box in people.boxes])
+        root, pose, betas, weak = self.run({"img": crops, **camerahmr_inputs(centres, sides, focal, intrinsics)})
+        rotations = np.concatenate([root.reshape(-1, 1, 3, 3), pose.reshape(len(root), -1, 3, 3)], axis=1)
+        if rotations.shape[1] != 24:
+            raise BackendError(
+                f"CameraHMR returned {rotations.shape[1]} joints, where SMPL has 24: checkpoint and code of its SMPL-X "
+                "branch are not supported"
+            )
+        place = translation_from_crop(weak.reshape(-1, 3), centres, sides, intrinsics)
+        bodies = pose_smpl_bodies(body, rotations, betas, place)
         return replace(
             bodies, observed=observed_joints(keypoints, image.shape[0], image.shape[1], self.options.seen_confidence)
         )
+
+    def ask(self, inputs: dict[str, torch.Tensor]) -> Sequence[Any]:
+        """Run the network: root (M, 1, 3, 3), pose (M, 23, 3, 3), betas (M, 10) and weak perspective (M, 3)."""
+        answer = self.network(inputs)
+        try:
+            return [*(answer[0][name] for name in ("global_orient", "body_pose", "betas")), answer[1]]
+        except (KeyError, TypeError, IndexError) as error:
+            raise BackendError(
+                f"CameraHMR returned {type(answer).__name__} without SMPL parameters and a camera: take the checkout "
+                f"of {self.project.homepage}"
+            ) from error
 
     def _crop(self, image: UInt8Array, box: FloatArray) -> FloatArray:
         """Crop and normalise a person: (1, 3, 256, 256), black outside the image."""
@@ -155,51 +165,15 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
 
     def _own_focal(self, image: UInt8Array) -> float:
         """Return the focal length in px that FLNet estimates from the photo."""
-        import torch
-
         order = self.options.focal_channels or self.options.channels
         seen, _ = letterbox(_reorder_channels(image, order), SIDE, SIDE, fill=_WHITE, how="area")
-        pixels = torch.from_numpy(normalized_nchw(seen, IMAGENET_MEAN, IMAGENET_STD)).to(self._checkout_network.device)
-        with inference_context(self._checkout_network.checkout, self._checkout_network.device):
+        pixels = picture_tensor(seen, IMAGENET_MEAN, IMAGENET_STD, device=self.device)
+        with self.inference():
             fields = to_numpy(self._focal_network(pixels)[0])
         vertical = float(fields.reshape(-1, 2)[0, 1])
         if not 0.02 < vertical < 3.1:
             raise BackendError(f"CameraHMR's FLNet sees a vertical field of view of {vertical:.3g} rad, which is none")
         return float(image.shape[0] / (2 * math.tan(vertical / 2)))
-
-    def _run(
-        self,
-        network: Any,
-        crops: FloatArray,
-        centres: FloatArray,
-        sides: FloatArray,
-        focal: float,
-        camera: Intrinsics,
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Run the network: rotations (M, 24, 3, 3), betas (M, 10) and weak perspective (M, 3)."""
-        import torch
-
-        count = len(crops)
-        given = {"img": crops, **camerahmr_inputs(centres, sides, focal, camera)}
-        batch = {name: torch.from_numpy(value).to(self._checkout_network.device) for name, value in given.items()}
-        with inference_context(self._checkout_network.checkout, self._checkout_network.device, half=self.options.half):
-            answer = network(batch)
-        try:
-            parameters, weak = answer[0], to_numpy(answer[1])
-            root, body = to_numpy(parameters["global_orient"]), to_numpy(parameters["body_pose"])
-            betas = to_numpy(parameters["betas"])
-        except (KeyError, TypeError, IndexError) as error:
-            raise BackendError(
-                f"CameraHMR returned {type(answer).__name__} without SMPL parameters and a camera: take the checkout "
-                "of https://github.com/pixelite1201/CameraHMR"
-            ) from error
-        rotations = np.concatenate([root.reshape(count, 1, 3, 3), body.reshape(count, -1, 3, 3)], axis=1)
-        if rotations.shape[1] != 24:
-            raise BackendError(
-                f"CameraHMR returned {rotations.shape[1]} joints, where SMPL has 24: checkpoint and code of its SMPL-X "
-                "branch are not supported"
-            )
-        return rotations, betas, weak.reshape(count, 3)
 
 
 def _reorder_channels(image: UInt8Array, channels: str) -> UInt8Array:

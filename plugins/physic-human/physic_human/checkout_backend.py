@@ -1,29 +1,28 @@
-"""Base classes and helpers of backends that run torch code of a checkout: options, checkpoints, batches, precision."""
+"""Base class of backends that run torch code of a checkout: options, checkpoints, precision."""
 
 from __future__ import annotations
 
 import contextlib
 import io
 import logging
-from abc import abstractmethod
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
 from pydantic import Field
 
-from physic_core import weights
 from physic_core.adapters.checkouts import Checkout
-from physic_core.adapters.devices import check_device
+from physic_core.adapters.networks import TorchBackend, run_in_batches
 from physic_core.errors import BackendError, DeviceError
-from physic_core.interfaces import Backend, Options, Requirement
+from physic_core.interfaces import Options, Requirement
 
 if TYPE_CHECKING:
     import torch
+    from numpy.typing import NDArray
 
-MANIFEST = Path(__file__).parent / "weights"
+    from physic_core.types import FloatArray
+
 _LOG = logging.getLogger(__name__)
 
 
@@ -43,86 +42,24 @@ class CheckoutOptions(Options):
     )
 
 
-class CheckoutNetwork:
-    """Checkout of a published repository, with its network and its device.
-
-    Args:
-        checkout: the code.
-        weights_value: the option that names the weights.
-    """
-
-    def __init__(self, checkout: Checkout, weights_value: str) -> None:
-        self.checkout, self.weights_value = checkout, weights_value
-        self.network: Any = None
-        self.device = "cpu"
-
-    def missing(self) -> tuple[str, ...]:
-        """Describe missing code and weights."""
-        return (*self.checkout.missing(), *weights.missing(MANIFEST, self.weights_value))
-
-    def fingerprint(self) -> str:
-        """Return the identity of weights and code."""
-        return f"{weights.fingerprint(MANIFEST, self.weights_value)} {self.checkout.fingerprint()}"
-
-    def file(self, name: str | None = None) -> Path:
-        """Return the path of one weights file; without ``name``, the path of the complete weights.
-
-        Raises:
-            WeightsMissingError: it is not there.
-        """
-        return weights.locate(MANIFEST, self.weights_value, name)
-
-    def loaded(self) -> Any:
-        """Return the loaded network.
-
-        Raises:
-            BackendError: it is not loaded.
-        """
-        if self.network is None:
-            raise BackendError(f"{self.checkout.name} is not loaded: call load() before infer()")
-        return self.network
-
-    def set_network(self, network: Any, device: str) -> None:
-        """Store a torch network and move it to its device."""
-        self.network, self.device = network.eval().to(device), device
-
-    def close(self) -> None:
-        """Unload the network and the modules of the checkout."""
-        self.network = None
-        self.checkout.close()
-
-
-@dataclass(frozen=True)
-class CheckoutProject:
-    """Published repository: name, package, homepage, required packages, and the commit that was tested.
-
-    The fields are those of :class:`physic_core.adapters.checkouts.Checkout`.
-    """
-
-    name: str
-    package: str
-    homepage: str
-    needs: tuple[str, ...]
-    commit: str = ""
-
-
-class CheckoutBackend(Backend):
+class CheckoutBackend(TorchBackend):
     """Base class of a backend that runs a checkout of a published repository.
 
-    In the list of base classes, it precedes the interface.
+    ``preprocess`` returns arrays (N, ...) by name, and ``postprocess`` gets the joined outputs of :meth:`ask`; there
+    are none if N is 0.
 
     Attributes:
-        project: whose code it runs.
+        project: whose code it runs; the option ``checkout`` is its folder.
+        capabilities: with "needs_cuda" if its code runs on a GPU only.
     """
 
-    project: ClassVar[CheckoutProject]
+    project: ClassVar[Checkout]
+    capabilities: ClassVar[frozenset[str]] = frozenset()
     options: CheckoutOptions
-    capabilities: frozenset[str] = frozenset()
 
     def __init__(self, options: Any = None) -> None:
         super().__init__(options)
-        described = vars(self.project) | {"needs": self.needs()}
-        self._checkout_network = CheckoutNetwork(Checkout(self.options.checkout, **described), self.options.weights)
+        self.checkout = replace(self.project, folder=self.options.checkout, needs=self.needs())
 
     def needs(self) -> tuple[str, ...]:
         """Return the packages that the checkout imports with these options."""
@@ -130,44 +67,74 @@ class CheckoutBackend(Backend):
 
     def missing(self) -> tuple[str, ...]:
         """Describe missing code and weights."""
-        return self._checkout_network.missing()
+        return (*self.checkout.missing(), *super().missing())
 
     def requirements(self) -> tuple[Requirement, ...]:
         """Return the repository and its packages."""
-        return self._checkout_network.checkout.requirements()
+        return self.checkout.requirements()
 
     def fingerprint(self) -> str:
         """Return the identity of weights and code."""
-        return self._checkout_network.fingerprint()
+        return f"{super().fingerprint()} {self.checkout.fingerprint()}"
 
     def load(self, device: str = "cpu") -> None:
-        """Build the network and load its weights.
-
-        Raises:
-            DeviceError: the device is not there, or the network does not run on it.
-            WeightsMissingError: code, weights or a body model's file are missing.
-            BackendError: they are not those of the project.
-            BodyModelError: the body model's file cannot be used.
-        """
-        check_device(device)
+        """Build the network on a device, unless it is built."""
         if "needs_cuda" in self.capabilities and not device.startswith("cuda"):
             raise DeviceError(f"{self.project.name}'s own code runs on a GPU only, got '{device}': use 'cuda'")
-        if self._checkout_network.network is None:
-            self._build(device)
-
-    @abstractmethod
-    def _build(self, device: str) -> None:
-        """Build the network on a device that exists, load its weights, and store both in ``_checkout_network``."""
+        super().load(device)
 
     def close(self) -> None:
         """Unload the network and the modules of the checkout."""
-        self._checkout_network.close()
+        super().close()
+        self.checkout.close()
 
-    def _load_checkpoint(self, network: torch.nn.Module, path: Path, key: str = "state_dict") -> torch.nn.Module:
-        """Load a checkpoint, whose tensors may be under a key, into a network, and return the network."""
+    def run(self, inputs: Mapping[str, NDArray[Any]]) -> list[FloatArray]:
+        """Run the network in batches, and return its joined outputs; none without rows, which it is not shown."""
+        self.network  # noqa: B018 -- raises an error if it is not loaded
+        if not len(next(iter(inputs.values()))):
+            return []
+        return run_in_batches(self._ask_on_device, inputs, self.options.batch)
+
+    def ask(self, inputs: dict[str, torch.Tensor]) -> Sequence[Any]:
+        """Run the network once, and return its outputs of n rows each.
+
+        Raises:
+            BackendError: it returns something else than the known releases.
+        """
+        raise NotImplementedError
+
+    def load_checkpoint(self, network: torch.nn.Module, path: Path, key: str = "state_dict") -> torch.nn.Module:
+        """Load a checkpoint, whose tensors may be under a key, into a network; return it on its device."""
         state = read_checkpoint(path, trusted=self.options.trust_checkpoint)
         _load_parameters(network, state.get(key, state), path)
-        return network
+        return network.eval().to(self.device)
+
+    @contextlib.contextmanager
+    def inference(self) -> Iterator[None]:
+        """Run code of the checkout without gradients, and in float16 on a GPU if ``half`` is set.
+
+        Printed text goes to the log. Code that uses "cuda" without a number uses the chosen device.
+        """
+        import torch
+
+        said = io.StringIO()
+        on_gpu = self.device.startswith("cuda")
+        with (
+            self.checkout.activated(),
+            torch.cuda.device(self.device) if on_gpu else contextlib.nullcontext(),
+            torch.no_grad(),
+            torch.autocast("cuda", dtype=torch.float16, enabled=self.options.half and on_gpu),
+            contextlib.redirect_stdout(said),
+        ):
+            yield
+        if said.getvalue():
+            _LOG.debug("%s: %s", self.checkout.name, said.getvalue().strip())
+
+    def _ask_on_device(self, part: Mapping[str, NDArray[Any]]) -> Sequence[Any]:
+        import torch
+
+        with self.inference():
+            return self.ask({name: torch.from_numpy(value).to(self.device) for name, value in part.items()})
 
 
 def read_checkpoint(path: Path, *, trusted: bool) -> Any:
@@ -225,37 +192,3 @@ def _load_parameters(network: torch.nn.Module, state: Mapping[str, Any], path: P
             f"{', '.join(absent[:3])}, ...: "
             "it is the checkpoint of another network or of another version of the checkout"
         )
-
-
-def batch_slices(count: int, size: int) -> Iterator[slice]:
-    """Yield slices of at most ``size`` rows from 0 to ``count``."""
-    for first in range(0, count, size):
-        yield slice(first, min(first + size, count))
-
-
-@contextlib.contextmanager
-def inference_context(checkout: Checkout, device: str, *, half: bool = False) -> Iterator[None]:
-    """Run a block without gradients, and in float16 if ``half`` on a GPU, as a checkout's network needs.
-
-    Printed text goes to the log. Code that uses "cuda" without a number uses the chosen device.
-    """
-    import torch
-
-    said = io.StringIO()
-    kind = "cuda" if device.startswith("cuda") else "cpu"
-    with (
-        checkout.activated(),
-        torch.cuda.device(device) if kind == "cuda" else contextlib.nullcontext(),
-        torch.no_grad(),
-        torch.autocast(kind, dtype=torch.float16, enabled=half and kind == "cuda"),
-        contextlib.redirect_stdout(said),
-    ):
-        yield
-    if said.getvalue():
-        _LOG.debug("%s: %s", checkout.name, said.getvalue().strip())
-
-
-def to_numpy(value: Any) -> Any:
-    """Convert a tensor or an array to float32 numpy."""
-    tensor = value.detach().float().cpu().numpy() if hasattr(value, "detach") else value
-    return np.asarray(tensor, np.float32)

@@ -8,20 +8,19 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from physic_core.adapters.checkouts import Checkout
 from physic_core.errors import BackendError
 from physic_core.interfaces import ContactPrior, Options, Share
 from physic_core.types import ContactProbability
-from physic_human.checkout_backend import (
-    CheckoutProject,
-    batch_slices,
-    inference_context,
-    to_numpy,
-)
 from physic_human.contact_crop import BOX_GROWTH, contact_crop
 from physic_human.smpl_checkout import SmplCheckoutBackend, SmplCheckoutOptions
 from physic_human.user_smpl import load_rest_mesh
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import torch
+
     from physic_core.types import Bodies, FloatArray, People, RestMesh, UInt8Array
 
 SMPL_VERTICES = 6890
@@ -49,61 +48,50 @@ class Deco(SmplCheckoutBackend, ContactPrior):
     Options: ClassVar[type[Options]] = DecoOptions
     options: DecoOptions
     reads = ("people",)
-    project: ClassVar[CheckoutProject] = CheckoutProject(
-        "DECO",
-        "models.deco",
-        "https://github.com/sha2nkt/deco",
-        ("torchvision", "yacs", "loguru"),
-        "d1061cef2ae94c3364ba5c9338eea58d654acd77",
+    project: ClassVar[Checkout] = Checkout(
+        name="DECO",
+        package="models.deco",
+        homepage="https://github.com/sha2nkt/deco",
+        commit="d1061cef2ae94c3364ba5c9338eea58d654acd77",
+        needs=("torchvision", "yacs", "loguru"),
     )
 
     def __init__(self, options: DecoOptions | None = None) -> None:
         super().__init__(options)
         self._rest: RestMesh | None = None
 
-    def _build(self, device: str) -> None:
+    def build(self, device: str) -> Any:
         """Build the network and load its weights."""
-        path = self._checkout_network.file()
-        kind = self._checkout_network.checkout.attribute("DECO")
+        path = self.file()
+        kind = self.checkout.attribute("DECO")
         self._rest = load_rest_mesh(self.options.smpl_file)
-        with inference_context(self._checkout_network.checkout, device):
+        with self.inference():
             # Encoder, whether it looks at the context too, device; older versions always do, and have no such argument.
             takes_context = "context" in inspect.signature(kind).parameters
             network = kind("hrnet", True, device) if takes_context else kind("hrnet", device)
-            self._checkout_network.set_network(self._load_checkpoint(network, path, "deco"), device)
+            return self.load_checkpoint(network, path, "deco")
 
     def close(self) -> None:
         """Release the network."""
         super().close()
         self._rest = None
 
-    def infer(self, image: UInt8Array, people: People, bodies: Bodies) -> ContactProbability:
-        """Return the contact probability (N, 6890) on SMPL vertices of N people.
+    def preprocess(self, image: UInt8Array, people: People, bodies: Bodies) -> dict[str, FloatArray]:
+        """Crop the people."""
+        options = self.options
+        crops = [contact_crop(image, box, growth=options.growth, fit=options.fit) for box in people.boxes]
+        return {"img": np.array(crops, np.float32)}
 
-        Raises:
-            BackendError: it is not loaded, or the network answers something else.
-        """
-        network = self._checkout_network.loaded()
-        found = np.zeros((len(people), SMPL_VERTICES), np.float32)
-        for rows in batch_slices(len(people), self.options.batch):
-            crops = np.stack(
-                [
-                    contact_crop(image, box, growth=self.options.growth, fit=self.options.fit)
-                    for box in people.boxes[rows]
-                ]
-            )
-            found[rows] = self._run(network, crops)
-        return ContactProbability(np.clip(found, 0, 1), "smpl", self._rest)
-
-    def _run(self, network: Any, crops: FloatArray) -> FloatArray:
+    def ask(self, inputs: dict[str, torch.Tensor]) -> Sequence[Any]:
         """Run the network on crops."""
-        import torch
+        answer = self.network(inputs["img"])
+        return [answer[0] if isinstance(answer, (tuple, list)) else answer]
 
-        with inference_context(self._checkout_network.checkout, self._checkout_network.device, half=self.options.half):
-            answer = network(torch.from_numpy(crops).to(self._checkout_network.device))
-        contact = to_numpy(answer[0] if isinstance(answer, (tuple, list)) else answer)
-        if contact.shape != (len(crops), SMPL_VERTICES):
-            raise BackendError(
-                f"DECO returned {contact.shape}, where {len(crops)} people are ({len(crops)}, {SMPL_VERTICES})"
-            )
-        return np.asarray(contact, np.float32)
+    def postprocess(
+        self, outputs: list[FloatArray], image: UInt8Array, people: People, bodies: Bodies
+    ) -> ContactProbability:
+        """Return the contact probability (N, 6890) on SMPL vertices of N people."""
+        found = outputs[0] if outputs else np.zeros((0, SMPL_VERTICES), np.float32)
+        if found.shape != (len(people), SMPL_VERTICES):
+            raise BackendError(f"DECO returned {found.shape}, expected ({len(people)}, {SMPL_VERTICES})")
+        return ContactProbability(np.clip(found, 0, 1), "smpl", self._rest)

@@ -11,14 +11,17 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.affine_pointmap import points_on_rays, recover_camera
-from physic_core.adapters.pictures import normalized_nchw
+from physic_core.adapters.checkouts import Checkout
+from physic_core.adapters.networks import picture_tensor, to_numpy
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options, RelativePointmap
 from physic_core.types import Pointmap
-from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions, CheckoutProject, inference_context, to_numpy
+from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions
 
 if TYPE_CHECKING:
-    from physic_core.types import BoolArray, FloatArray, Hints, UInt8Array
+    import torch
+
+    from physic_core.types import BoolArray, Hints, UInt8Array
 
 _LEVELS = 9
 
@@ -38,30 +41,44 @@ class Moge1(CheckoutBackend, RelativePointmap):
     Options: ClassVar[type[Options]] = Moge1Options
     options: Moge1Options
     reads = ("intrinsics",)
-    capabilities = frozenset({"returns_intrinsics"})
-    project: ClassVar[CheckoutProject] = CheckoutProject(
-        "MoGe",
-        "moge.model.v1",
-        "https://github.com/microsoft/MoGe",
-        ("utils3d", "huggingface_hub"),
-        "07444410f1e33f402353b99d6ccd26bd31e469e8",
+    capabilities: ClassVar[frozenset[str]] = frozenset({"returns_intrinsics"})
+    project: ClassVar[Checkout] = Checkout(
+        name="MoGe",
+        package="moge.model.v1",
+        homepage="https://github.com/microsoft/MoGe",
+        commit="07444410f1e33f402353b99d6ccd26bd31e469e8",
+        needs=("utils3d", "huggingface_hub"),
     )
 
-    def _build(self, device: str) -> None:
+    def build(self, device: str) -> Any:
         """Build the network and load its weights."""
-        path = self._checkout_network.file()
-        kind = self._checkout_network.checkout.attribute("MoGeModel")
-        with inference_context(self._checkout_network.checkout, device):
-            network = kind.from_pretrained(str(path))  # an existing path: nothing is fetched
-            self._checkout_network.set_network(network, device)
+        kind = self.checkout.attribute("MoGeModel")
+        with self.inference():
+            return kind.from_pretrained(str(self.file())).eval().to(device)  # an existing path: nothing is fetched
 
-    def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
-        """Return the point map, up to a scale, of an image (H, W, 3).
+    def preprocess(self, image: UInt8Array, hints: Hints) -> torch.Tensor:
+        """Return red, green and blue from 0 to 1: the network subtracts mean and divides by deviation itself."""
+        pixels: torch.Tensor = picture_tensor(image, device=self.device)
+        return pixels
 
-        Raises:
-            BackendError: it is not loaded, or no camera fits what the network answers.
-        """
-        points, mask = self._run(self._checkout_network.loaded(), image)
+    def run(self, inputs: Any) -> Any:
+        """Run the network with the number of tokens of the resolution level."""
+        low, high = self.network.num_tokens_range
+        tokens = int(low + self.options.resolution_level / _LEVELS * (high - low))
+        with self.inference():
+            return self.network.forward(inputs, tokens)
+
+    def postprocess(self, output: Any, image: UInt8Array, hints: Hints) -> Pointmap:
+        """Return the point map, up to a scale, of an image (H, W, 3)."""
+        if not isinstance(output, dict) or not {"points", "mask"} <= output.keys():
+            raise BackendError(
+                f"MoGe returned {type(output).__name__} without points and mask: "
+                f"take the checkout of {self.project.homepage}"
+            )
+        points, chance = to_numpy(output["points"])[0], to_numpy(output["mask"])[0]
+        if points.shape != image.shape or chance.shape != image.shape[:2]:
+            raise BackendError(f"MoGe returned points {points.shape} and a mask {chance.shape} for {image.shape}")
+        mask: BoolArray = (chance > self.network.mask_threshold) & np.isfinite(points).all(axis=-1)
         height, width = mask.shape
         given = hints.intrinsics
         found = recover_camera(points, mask, None if given is None else (given.fx, given.fy))
@@ -71,25 +88,3 @@ class Moge1(CheckoutBackend, RelativePointmap):
         if found.determined:
             return Pointmap(settled, valid, "scale", camera)
         return Pointmap(settled, valid, "scale_shift", camera, ("MoGe saw a scene too flat to tell the focal length",))
-
-    def _run(self, network: Any, image: UInt8Array) -> tuple[FloatArray, BoolArray]:
-        """Run the network: affine points (H, W, 3) and their mask (H, W)."""
-        import torch
-
-        low, high = network.num_tokens_range
-        tokens = int(low + self.options.resolution_level / _LEVELS * (high - low))
-        # Red, green and blue from 0 to 1: the network subtracts mean and divides by deviation itself.
-        pixels = torch.from_numpy(normalized_nchw(image)).to(self._checkout_network.device)
-        with inference_context(self._checkout_network.checkout, self._checkout_network.device, half=self.options.half):
-            answer = network.forward(pixels, tokens)
-        try:
-            points, mask = to_numpy(answer["points"])[0], to_numpy(answer["mask"])[0]
-        except (KeyError, TypeError, IndexError) as error:
-            raise BackendError(
-                f"MoGe returned {type(answer).__name__} without points and mask: "
-                "take the checkout of https://github.com/microsoft/MoGe"
-            ) from error
-        if points.shape != image.shape or mask.shape != image.shape[:2]:
-            raise BackendError(f"MoGe returned points {points.shape} and a mask {mask.shape} for {image.shape}")
-        counts: BoolArray = (mask > network.mask_threshold) & np.isfinite(points).all(axis=-1)
-        return points, counts

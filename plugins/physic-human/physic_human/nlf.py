@@ -7,23 +7,21 @@ CUDA, is never called.
 from __future__ import annotations
 
 import logging
-import os
 import warnings
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from physic_core import weights
-from physic_core.adapters.devices import check_device
+from physic_core.adapters.networks import TorchBackend, to_numpy
 from physic_core.adapters.observed import SeenConfidence, observed_joints
 from physic_core.adapters.smpl import bodies_from_smpl, empty_bodies, parameters_from_rotvecs
 from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator, Options, Packages, Requirement
 from physic_core.types import Bodies, Mesh
-from physic_human.checkout_backend import MANIFEST, to_numpy
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
@@ -64,7 +62,7 @@ class NlfOptions(Options):
     seen_confidence: SeenConfidence = 0.5
 
 
-class Nlf(BodyEstimator):
+class Nlf(TorchBackend, BodyEstimator):
     """Body estimator: SMPL-X (55 joints) or SMPL (24 joints) bodies by NLF, in the frame of the given camera."""
 
     Options: ClassVar[type[Options]] = NlfOptions
@@ -73,19 +71,15 @@ class Nlf(BodyEstimator):
 
     def __init__(self, options: NlfOptions | None = None) -> None:
         super().__init__(options)
-        self._network: Any = None
-        self._device = "cpu"
         self._body: BodyModel | None = None
         self._checked = False
 
     def missing(self) -> tuple[str, ...]:
         """Describe missing files, and missing torchvision, which the TorchScript file needs."""
-        from importlib.util import find_spec
-
-        lacking = list(weights.missing(MANIFEST, self.options.weights))
+        lacking = list(super().missing())
         if find_spec("torchvision") is None:
             lacking.append(_NO_TORCHVISION)
-        if self.options.smplx_file and not Path(os.path.expanduser(self.options.smplx_file)).is_file():
+        if self.options.smplx_file and not Path(self.options.smplx_file).expanduser().is_file():
             lacking.append(f"there is no file {self.options.smplx_file}: set smplx_file to your SMPLX_NEUTRAL.npz")
         return tuple(lacking)
 
@@ -93,23 +87,13 @@ class Nlf(BodyEstimator):
         """Return torchvision."""
         return (Packages(("torchvision",)),)
 
-    def fingerprint(self) -> str:
-        """Return the checksum of the TorchScript file."""
-        return weights.fingerprint(MANIFEST, self.options.weights)
-
-    def load(self, device: str = "cpu") -> None:
-        """Load the TorchScript file.
-
-        Raises:
-            DeviceError: the device is not there.
-            WeightsMissingError: the file is missing.
-            BackendError: torchvision cannot be imported, or the file is not NLF's.
-        """
-        if self._network is not None:
-            return
-        check_device(device)
-        path = weights.locate(MANIFEST, self.options.weights)
-        _register_torchvision()
+    def build(self, device: str) -> Any:
+        """Load the TorchScript file, and the SMPL-X file if there is one."""
+        path = self.file()
+        try:
+            import torchvision  # noqa: F401 -- registers the operators that the file uses
+        except Exception as error:  # a build for another torch raises what it likes
+            raise BackendError(f"{_NO_TORCHVISION} ({type(error).__name__}: {error})") from error
         import torch
 
         try:
@@ -126,15 +110,17 @@ class Nlf(BodyEstimator):
                 f"{path} is not a multi-person NLF, since it has none of the methods {', '.join(_METHODS)}: "
                 "take nlf_l_multi or nlf_s_multi"
             )
-        self._network, self._device, self._checked = network.eval(), device, False
+        self._checked = False
         if self.options.smplx_file and self.options.body == "smplx":
             from physic_core.body import load_body
 
-            self._body = load_body(Path(os.path.expanduser(self.options.smplx_file)))
+            self._body = load_body(Path(self.options.smplx_file).expanduser())
+        return network.eval()
 
     def close(self) -> None:
-        """Release the network."""
-        self._network, self._body = None, None
+        """Release the network and the body model."""
+        super().close()
+        self._body = None
 
     def infer(
         self, image: UInt8Array, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints
@@ -144,30 +130,29 @@ class Nlf(BodyEstimator):
         Raises:
             BackendError: it is not loaded, or the network answers something else.
         """
-        if self._network is None:
-            raise BackendError("NLF is not loaded: call load() before infer()")
+        network = self.network
         if not len(people):
             # Without people, the network returns other keys and shapes.
             return empty_bodies(self.options.body)
-        found = self._ask(image, people.boxes, intrinsics)
+        found = self._ask(network, image, people.boxes, intrinsics)
         bodies = self._as_smplx(found) if self.options.body == "smplx" else self._as_smpl(found)
         return replace(
             bodies, observed=observed_joints(keypoints, image.shape[0], image.shape[1], self.options.seen_confidence)
         )
 
-    def _ask(self, image: UInt8Array, boxes: FloatArray, intrinsics: Intrinsics) -> dict[str, FloatArray]:
+    def _ask(self, network: Any, image: UInt8Array, boxes: FloatArray, intrinsics: Intrinsics) -> dict[str, FloatArray]:
         """Run the network on the people's boxes; lengths in its own units."""
         import torch
 
-        method = next(getattr(self._network, name) for name in _METHODS if hasattr(self._network, name))
+        method = next(getattr(network, name) for name in _METHODS if hasattr(network, name))
         ltwh = np.concatenate([boxes[:, :2], boxes[:, 2:] - boxes[:, :2]], axis=1).astype(np.float32)
         # uint8 and not floats: the network makes its own linear light of grey levels from 0 to 255.
-        pixels = torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1)))[None].to(self._device)
+        pixels = torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1)))[None].to(self.device)
         with torch.no_grad():
             answer = method(
                 pixels,
-                [torch.from_numpy(ltwh).to(self._device)],
-                intrinsic_matrix=torch.from_numpy(intrinsics.matrix.astype(np.float32))[None].to(self._device),
+                [torch.from_numpy(ltwh).to(self.device)],
+                intrinsic_matrix=torch.from_numpy(intrinsics.matrix.astype(np.float32))[None].to(self.device),
                 internal_batch_size=self.options.batch,
                 num_aug=self.options.augmentations,
                 beta_regularizer=self.options.beta_regularizer,
@@ -274,11 +259,3 @@ def _check_reconstruction(body: BodyModel, bodies: Bodies, vertices: FloatArray)
 _NO_TORCHVISION = (
     "NLF needs torchvision, whose operators its file uses: pip install torchvision, the build that fits your torch"
 )
-
-
-def _register_torchvision() -> None:
-    """Import torchvision, whose operators must be registered before the file is read."""
-    try:
-        import torchvision  # noqa: F401
-    except Exception as error:  # a build for another torch raises what it likes
-        raise BackendError(f"{_NO_TORCHVISION} ({type(error).__name__}: {error})") from error

@@ -22,14 +22,7 @@ from physic_core.adapters.smpl import empty_bodies, parameters_from_rotvecs
 from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.interfaces import BodyEstimator, Options, Requirement
 from physic_core.types import Bodies, Mesh
-from physic_human.checkout_backend import (
-    CheckoutBackend,
-    CheckoutOptions,
-    CheckoutProject,
-    batch_slices,
-    checkpoint_error,
-    inference_context,
-)
+from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions, checkpoint_error
 from physic_human.torch_guard import guarded_torch
 
 if TYPE_CHECKING:
@@ -75,13 +68,13 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
     Options: ClassVar[type[Options]] = Sam3dBodyOptions
     options: Sam3dBodyOptions
     reads = ("people", "intrinsics", "keypoints")
-    capabilities = frozenset({"needs_cuda"})
-    project: ClassVar[CheckoutProject] = CheckoutProject(
-        "SAM 3D Body",
-        "sam_3d_body",
-        "https://github.com/facebookresearch/sam-3d-body",
-        ("torchvision", "pytorch_lightning", "yacs", "omegaconf", "braceexpand", "roma", "einops", "timm"),
-        "b5c765a0d89d789985e186d396315e7590887b94",
+    capabilities: ClassVar[frozenset[str]] = frozenset({"needs_cuda"})
+    project: ClassVar[Checkout] = Checkout(
+        name="SAM 3D Body",
+        package="sam_3d_body",
+        homepage="https://github.com/facebookresearch/sam-3d-body",
+        commit="b5c765a0d89d789985e186d396315e7590887b94",
+        needs=("torchvision", "pytorch_lightning", "yacs", "omegaconf", "braceexpand", "roma", "einops", "timm"),
     )
 
     def __init__(self, options: Sam3dBodyOptions | None = None) -> None:
@@ -116,27 +109,24 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
     def _needs_dinov3(self) -> bool:
         """Return whether the weights need DINOv3, by their config, or by their name if they are missing."""
         try:
-            text = self._checkout_network.file(_CONFIG).read_text("utf-8", errors="replace")
+            text = self.file(_CONFIG).read_text("utf-8", errors="replace")
         except (WeightsMissingError, OSError):
             return "dinov3" in self.options.weights
         return _DINOV3_BACKBONE.search(text) is not None
 
-    def _build(self, device: str) -> None:
+    def build(self, device: str) -> Any:
         """Build the network on a GPU and load its weights."""
-        checkpoint, mhr = self._checkout_network.file(_CHECKPOINT), self._checkout_network.file(_MHR)
-        build = self._checkout_network.checkout.attribute("load_sam_3d_body")
-        kind = self._checkout_network.checkout.attribute("SAM3DBodyEstimator")
+        checkpoint, mhr = self.file(_CHECKPOINT), self.file(_MHR)
+        build = self.checkout.attribute("load_sam_3d_body")
+        kind = self.checkout.attribute("SAM3DBodyEstimator")
         trusted = self.options.trust_checkpoint
-        with (
-            inference_context(self._checkout_network.checkout, device),
-            guarded_torch(self._from_hub, trusted=trusted) as read,
-        ):
+        with self.inference(), guarded_torch(self._from_hub, trusted=trusted) as read:
             try:
                 network, settings = build(str(checkpoint), device=device, mhr_path=str(mhr))
             except pickle.UnpicklingError as error:
                 raise checkpoint_error(checkpoint, error, trusted=trusted) from error
             _check_parameters(network, read, checkpoint)
-            self._checkout_network.network, self._checkout_network.device = kind(network, settings), device
+            return kind(network, settings)
 
     def _from_hub(self, repo: str, name: str, *args: Any, **options: Any) -> Any:
         """Replace ``torch.hub.load``: build a network from the user's DINOv3 checkout."""
@@ -158,12 +148,12 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
         Raises:
             BackendError: it is not loaded, or it answers something else.
         """
-        estimator = self._checkout_network.loaded()
+        estimator = self.network
         if not len(people):
             return empty_bodies("mhr", num_betas=0)
         found: list[dict[str, Any]] = []
-        for rows in batch_slices(len(people), self.options.batch):
-            found += self._ask(estimator, image, people, rows, intrinsics)
+        for first in range(0, len(people), self.options.batch):
+            found += self._ask(image, people, slice(first, first + self.options.batch), intrinsics)
         place = np.stack([np.asarray(one["pred_cam_t"], np.float32) for one in found])
         if not uses_principal_point(estimator.cfg):
             place[:, :2] += _principal_point_shift(image, intrinsics) * place[:, 2:]
@@ -180,22 +170,18 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
             mesh=mesh,
         )
 
-    def _ask(
-        self, estimator: Any, image: UInt8Array, people: People, rows: slice, intrinsics: Intrinsics
-    ) -> list[dict[str, Any]]:
+    def _ask(self, image: UInt8Array, people: People, rows: slice, intrinsics: Intrinsics) -> list[dict[str, Any]]:
         """Run the estimator on some people."""
         import torch
 
+        estimator = self.network
         boxes = np.asarray(people.boxes[rows], np.float32)
         camera = intrinsics.matrix.astype(np.float32)
         if uses_principal_point(estimator.cfg):
             camera[:2, 2] += 0.5  # it counts pixels from their edges
         else:
             camera[:2, 2] = image.shape[1] / 2, image.shape[0] / 2  # where it takes it to be
-        with (
-            self._dinov3.activated(),
-            inference_context(self._checkout_network.checkout, self._checkout_network.device, half=self.options.half),
-        ):
+        with self._dinov3.activated(), self.inference():
             answer = estimator.process_one_image(
                 np.ascontiguousarray(image),  # RGB, as it wants arrays; only files it reads as BGR
                 bboxes=boxes,

@@ -217,9 +217,9 @@ class PerfectHmr:
 class CameraHmrOnWorlds(CropsOnWorlds, CameraHmr):
     perfect_network = PerfectHmr
 
-    def _build(self, device: str) -> None:
+    def build(self, device: str) -> Any:
         self._body = open_smpl(self.options.smpl_file)
-        super()._build(device)
+        return super().build(device)
 
 
 OPTIONS: dict[str, str] = {}

@@ -111,9 +111,9 @@ class PerfectDeco:
 class DecoOnWorlds(CropsOnWorlds, Deco):
     perfect_network = PerfectDeco
 
-    def _build(self, device: str) -> None:
+    def build(self, device: str) -> Any:
         self._rest = load_rest_mesh(self.options.smpl_file)
-        super()._build(device)
+        return super().build(device)
 
 
 OPTIONS: dict[str, str] = {}

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.adapters.devices import check_device
 from physic_core.body import load_body
 from physic_core.errors import BackendError
 from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People
@@ -270,11 +269,8 @@ class NlfOnWorlds(Nlf):
     def missing(self) -> tuple[str, ...]:
         return ()
 
-    def load(self, device: str = "cpu") -> None:
-        check_device(device)
-        if self._network is not None:
-            return
-        self._network = PerfectNlf()
+    def build(self, device: str) -> Any:
+        return PerfectNlf()
 
 
 @pytest.mark.parametrize("body", ["smplx", "smpl"])

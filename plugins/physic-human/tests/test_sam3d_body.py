@@ -143,7 +143,7 @@ def make_sam(stub: Callable[..., Path], tmp_path: Path) -> Callable[..., Sam3dBo
 @pytest.fixture
 def sam(make_sam: Callable[..., Sam3dBody]) -> Sam3dBody:
     backend = make_sam()
-    backend._build("cpu")
+    backend._network = backend.build("cpu")
     return backend
 
 
@@ -186,7 +186,7 @@ def test_bodies_lie_where_the_given_camera_sees_their_boxes(
 ) -> None:
     """Unless its config says otherwise, the network takes the middle of the photo for the principal point."""
     sam = make_sam(decoder="    TYPE: sam\n" + decoder)
-    sam._build("cpu")
+    sam._network = sam.build("cpu")
     camera = Intrinsics(500.0, 500.0, *centre, 64, 48)
     bodies = sam.infer(np.zeros((48, 64, 3), np.uint8), people(), camera, NUM_KEYPOINTS, Hints())
     place = bodies.parameters.transl
@@ -203,7 +203,7 @@ def test_dinov3_comes_from_the_named_folder_and_nothing_is_fetched(
     held = {"state_dict": {"gain": torch.ones(1), "backbone.encoder.cls_token": torch.full((1, 1, 2), 0.5)}}
     sam = make_sam("dinov3_vith16plus", held=held, dinov3_checkout=str(stub("dinov3", DINOV3)))
     assert not any("DINOv3" in line for line in sam.missing())
-    sam._build("cpu")
+    sam._network = sam.build("cpu")
     assert network_of(sam).model.backbone.encoder.cls_token.tolist() == [[[0.5, 0.5]]]
     assert network_of(sam).model.backbone.encoder.drop_path == 0.1
     assert (torch.hub.load, torch.load) == before
@@ -219,7 +219,7 @@ def test_without_a_folder_for_dinov3_nothing_is_loaded(
     sam = make_sam("dinov3_vith16plus")
     assert any("set dinov3_checkout" in line for line in sam.missing())
     with pytest.raises(WeightsMissingError, match="set dinov3_checkout"):
-        sam._build("cpu")
+        sam._network = sam.build("cpu")
     assert not any("dinov3" in line for line in make_sam().missing())
     assert (torch.hub.load, torch.load) == before
     other = make_sam("dinov3_vith16plus", dinov3_checkout=str(tmp_path))
@@ -239,13 +239,13 @@ def test_weights_missing_in_the_checkpoint_are_not_initialised_randomly(
     """Its code goes on with random ones, and another version of DINOv3 has other names."""
     sam = make_sam("dinov3_vith16plus", held={"state_dict": state}, dinov3_checkout=str(stub("dinov3", DINOV3)))
     with pytest.raises(BackendError, match=rf"is missing 1 of 5 parameters of the network, {absent}, \.\.\."):
-        sam._build("cpu")
+        sam._network = sam.build("cpu")
 
 
 def test_other_parameters_that_the_checkpoint_lacks_are_a_warning(
     make_sam: Callable[..., Sam3dBody], caplog: pytest.LogCaptureFixture
 ) -> None:
-    make_sam(held={"state_dict": {}})._build("cpu")
+    make_sam(held={"state_dict": {}}).build("cpu")
     (said,) = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
     assert said.endswith(
         "is missing 1 of 3 parameters of the network, gain: these keep random numbers, so look at the bodies"
@@ -258,16 +258,16 @@ def test_other_code_is_not_fetched_either(
     monkeypatch.setattr(torch.hub, "load", lambda *_, **__: pytest.fail("it asks the hub"))
     stub("sam", {"sam_3d_body/__init__.py": CHECKOUT.replace("facebookresearch/dinov3", "somebody/else")})
     with pytest.raises(BackendError, match="code of somebody/else"):
-        make_sam("dinov3_vith16plus")._build("cpu")
+        make_sam("dinov3_vith16plus").build("cpu")
 
 
 def test_a_checkpoint_with_objects_is_read_only_if_trusted(make_sam: Callable[..., Sam3dBody]) -> None:
     """Its code reads them whatever they hold."""
     held = {"state_dict": {"gain": torch.ones(1)}, "hyper_parameters": Path("x")}
     with pytest.raises(BackendError, match="set the option trust_checkpoint = true"):
-        make_sam(held=held)._build("cpu")
+        make_sam(held=held).build("cpu")
     trusting = make_sam(held=held, trust_checkpoint=True)
-    trusting._build("cpu")
+    trusting._network = trusting.build("cpu")
     assert network_of(trusting).model.held["hyper_parameters"] == Path("x")
 
 
@@ -299,7 +299,7 @@ def test_what_its_code_sends_to_cuda_goes_to_the_device_of_the_config(
         current.pop()
 
     monkeypatch.setattr(torch.cuda, "device", entered)
-    monkeypatch.setattr("physic_human.checkout_backend.check_device", lambda name: None)
+    monkeypatch.setattr("physic_core.adapters.networks.check_device", lambda name: None)
     sam = make_sam()
     sam.load(device)
     estimator = network_of(sam)

@@ -1,0 +1,224 @@
+"""Base classes of backends that run a network; what an adapter adds is how its input is made and its output is read.
+
+::
+
+    class MyDepth(TorchBackend, MetricDepth):
+        Options = MyOptions  # with the option "weights", the name of a set in the folder "weights" of the package
+
+        def build(self, device):
+            return torch.jit.load(self.file(), map_location=device)
+
+        def preprocess(self, image, hints):
+            return picture_tensor(image, IMAGENET_MEAN, IMAGENET_STD, size=(384, 512), device=self.device)
+
+        def postprocess(self, output, image, hints):
+            return DepthMap(resize_map(to_numpy(output)[0], *image.shape[:2]))
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from physic_core import weights
+from physic_core.adapters.devices import check_device
+from physic_core.errors import BackendError
+from physic_core.interfaces import Backend
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.types import FloatArray, UInt8Array
+
+
+class NetworkBackend(Backend):
+    """Base class of a backend that runs networks; in the list of base classes, it precedes the interface.
+
+    ``infer`` is ``preprocess``, ``run`` and ``postprocess``; a backend that asks its network more than once has an
+    ``infer`` of its own.
+
+    Attributes:
+        weight_options: names of the options that name weights.
+        device: of the loaded networks.
+    """
+
+    weight_options: ClassVar[tuple[str, ...]] = ("weights",)
+    device: str = "cpu"
+    _network: Any = None
+
+    @classmethod
+    def manifest(cls) -> Path:
+        """Return the folder of the weight manifests: "weights" in the package of the class, or else of a base class."""
+        packages = (sys.modules[kind.__module__.partition(".")[0]] for kind in cls.__mro__)
+        folders = (Path(getattr(package, "__file__", None) or "interactive").parent / "weights" for package in packages)
+        return next(folder for folder in folders if folder.is_dir())
+
+    def build(self, device: str) -> Any:
+        """Open the weights and return the network on a device.
+
+        Raises:
+            WeightsMissingError: files are missing.
+            BackendError: they are not those of this network.
+        """
+        raise NotImplementedError
+
+    def load(self, device: str = "cpu") -> None:
+        """Open the network, unless it is open.
+
+        Raises:
+            DeviceError: the device is not there, or the network does not run on it.
+            WeightsMissingError: files are missing; the message says how to get them.
+            BackendError: they are not those of this network.
+        """
+        if self._network is None:
+            self.device = device
+            self._network = self.build(device)
+
+    def close(self) -> None:
+        """Release the network."""
+        self._network = None
+
+    @property
+    def network(self) -> Any:
+        """What :meth:`build` returned.
+
+        Raises:
+            BackendError: it is not loaded.
+        """
+        if self._network is None:
+            raise BackendError(f"{type(self).__name__} is not loaded: call load() before infer()")
+        return self._network
+
+    def infer(self, *given: Any, **named: Any) -> Any:
+        """Return the result for an image and the other arguments of the interface.
+
+        Raises:
+            BackendError: the network is not loaded, or its output is not what is known of it.
+        """
+        return self.postprocess(self.run(self.preprocess(*given, **named)), *given, **named)
+
+    def preprocess(self, *given: Any) -> Any:
+        """Make the input of the network from the arguments of ``infer``."""
+        raise NotImplementedError
+
+    def run(self, inputs: Any) -> Any:
+        """Run the network on what ``preprocess`` returns."""
+        return self.network(inputs)
+
+    def postprocess(self, output: Any, *given: Any) -> Any:
+        """Make the result from the output of the network and the arguments of ``infer``."""
+        raise NotImplementedError
+
+    def file(self, name: str | None = None, option: str = "weights") -> Path:
+        """Return the path of a weight file, or of the complete set, that an option names.
+
+        Raises:
+            WeightsMissingError: it is missing.
+            BackendError: it is not the published file.
+        """
+        return weights.locate(self.manifest(), getattr(self.options, option), name)
+
+    def missing(self) -> tuple[str, ...]:
+        """Describe the missing weights, and how to get them."""
+        values = [getattr(self.options, option) for option in self.weight_options]
+        return tuple(text for value in values for text in weights.missing(self.manifest(), value))
+
+    def fingerprint(self) -> str:
+        """Return the identity of the weights, independent of their path."""
+        values = [getattr(self.options, option) for option in self.weight_options]
+        return " ".join(weights.fingerprint(self.manifest(), value) for value in values)
+
+
+class TorchBackend(NetworkBackend):
+    """Base class of a backend that runs networks with torch."""
+
+    def load(self, device: str = "cpu") -> None:
+        """Build the network on a device of torch, unless it is built."""
+        if self._network is None:
+            check_device(device)
+            super().load(device)
+
+    def run(self, inputs: Any) -> Any:
+        """Run the network without gradients."""
+        import torch
+
+        with torch.inference_mode():
+            return super().run(inputs)
+
+
+def run_in_batches(
+    call: Callable[[dict[str, NDArray[Any]]], Sequence[Any]],
+    inputs: Mapping[str, NDArray[Any]],
+    size: int,
+    *,
+    full: bool = False,
+) -> list[FloatArray]:
+    """Call a network on at most ``size`` rows at a time, and join its outputs.
+
+    Args:
+        call: takes inputs (n, ...) by name and returns outputs of n rows.
+        inputs: (N, ...) by name, N > 0.
+        size: rows at a time.
+        full: whether the network takes ``size`` rows only: the last ones are filled up.
+
+    Raises:
+        BackendError: an output has another number of rows.
+    """
+    rows = len(next(iter(inputs.values())))
+    parts = []
+    for first in range(0, rows, size):
+        part = {name: value[first : first + size] for name, value in inputs.items()}
+        count = shown = len(next(iter(part.values())))
+        if full:
+            shown = size
+            part = {name: np.concatenate([v, np.repeat(v[-1:], size - count, axis=0)]) for name, v in part.items()}
+        outputs = [to_numpy(output) for output in call(part)]
+        if wrong := [output.shape for output in outputs if output.ndim == 0 or len(output) != shown]:
+            raise BackendError(
+                f"the network was shown {shown} pictures and returned an array of shape {wrong[0]}: it does not keep "
+                "its batch"
+            )
+        parts.append([output[:count] for output in outputs])
+    return [np.concatenate(outputs) for outputs in zip(*parts, strict=True)]
+
+
+def picture_tensor(
+    image: UInt8Array,
+    mean: Sequence[float] = (0.0, 0.0, 0.0),
+    std: Sequence[float] = (1.0, 1.0, 1.0),
+    *,
+    size: tuple[int, int] | None = None,
+    align_corners: bool = False,
+    device: str = "cpu",
+) -> Any:
+    """Return images as a network of torch takes them, resized and normalised on the device by kornia.
+
+    Args:
+        image: (H, W, 3) or (N, H, W, 3) uint8 RGB.
+        mean: of each channel, of values from 0 to 1.
+        std: the same of the standard deviation.
+        size: rows and columns to which the image is resized, bilinear without antialiasing; None to keep its size.
+        align_corners: whether the centres of the corner pixels stay in the corners when it is resized.
+        device: of torch.
+
+    Returns:
+        Tensor (N, 3, h, w) float32; N = 1 for a single image.
+    """
+    import kornia
+    import torch
+
+    pixels = torch.from_numpy(np.ascontiguousarray(image)).to(device)
+    pixels = (pixels if pixels.ndim == 4 else pixels[None]).permute(0, 3, 1, 2).float() / 255
+    if size is not None:
+        pixels = kornia.geometry.resize(pixels, size, "bilinear", align_corners=align_corners)
+    return kornia.enhance.normalize(pixels, torch.tensor(mean), torch.tensor(std))
+
+
+def to_numpy(value: Any) -> FloatArray:
+    """Convert a tensor of any device and float type, or an array, to float32 numpy."""
+    plain = value.detach().float().cpu().numpy() if hasattr(value, "detach") else value
+    return np.asarray(plain, np.float32)
