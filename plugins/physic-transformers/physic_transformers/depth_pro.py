@@ -13,15 +13,15 @@ from pydantic import Field
 
 from physic_core.adapters.cameras import known_camera
 from physic_core.adapters.canonical_depth import depth_from_canonical_inverse, focal_from_fov
-from physic_core.adapters.pictures import normalized_nchw, resize_image, resize_map
+from physic_core.adapters.networks import picture_tensor, to_numpy
+from physic_core.adapters.pictures import resize_map
 from physic_core.errors import BackendError, DeviceError
 from physic_core.interfaces import MetricDepth, Options
 from physic_core.types import DepthMap, Intrinsics
-from physic_transformers.folders import WEIGHTS_HELP, ModelSpec
-from physic_transformers.models import ModelOptions, PretrainedBackend, to_numpy
+from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend
 
 if TYPE_CHECKING:
-    from physic_core.types import FloatArray, Hints, UInt8Array
+    from physic_core.types import Hints, UInt8Array
 
 _LARGE = 1536  # px of the published input; 35 patches of it go through the network at once
 _TELLING = 0.1  # share by which two focal lengths differ before it is worth a note
@@ -70,7 +70,7 @@ class DepthPro(PretrainedBackend, MetricDepth):
         """
         super().load(device)
         there, needed = memory_gb(), self.options.cpu_memory_gb
-        if device == "cpu" and there is not None and there < needed and _side(self.network().config) >= _LARGE:
+        if device == "cpu" and there is not None and there < needed and _side(self.model().config) >= _LARGE:
             self.close()
             raise DeviceError(
                 f"DepthPro needs about {needed:g} GB of memory on a CPU, this machine has {there:.0f} GB: use a GPU, "
@@ -86,8 +86,8 @@ class DepthPro(PretrainedBackend, MetricDepth):
         """
 
         height, width = image.shape[:2]
-        network = self.network()
-        out = network.run(pixel_values=preprocess(image, _side(network.config)))
+        network = self.model()
+        out = network.run(pixel_values=preprocess(image, _side(network.config), self.device))
         camera, notes = self._camera(_degrees(out.field_of_view), known_camera(hints, image), width, height)
         inverse = resize_map(to_numpy(out.predicted_depth)[0], height, width)
         depth = depth_from_canonical_inverse(inverse, camera.fx, width)
@@ -131,12 +131,9 @@ def memory_gb() -> float | None:
         return None
 
 
-def preprocess(image: UInt8Array, side: int) -> FloatArray:
-    """Stretch an image (H, W, 3) to (1, 3, S, S) in [-1, 1], normalised before resizing, without antialiasing."""
-
-    return normalized_nchw(
-        resize_image(image.astype(np.float32), side, side, "bilinear"), (0.5, 0.5, 0.5), (0.5, 0.5, 0.5)
-    )
+def preprocess(image: UInt8Array, side: int, device: str = "cpu") -> Any:
+    """Stretch an image (H, W, 3) to a tensor (1, 3, S, S) in [-1, 1], without antialiasing."""
+    return picture_tensor(image, (0.5, 0.5, 0.5), (0.5, 0.5, 0.5), size=(side, side), device=device)
 
 
 def _side(config: Any) -> int:

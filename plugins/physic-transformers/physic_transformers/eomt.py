@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field
 
+from physic_core.adapters.networks import picture_tensor, to_numpy
+from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options, Segmenter, Share
-from physic_transformers.folders import WEIGHTS_HELP, ModelSpec
-from physic_transformers.models import ModelOptions, PretrainedBackend, to_numpy
+from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend
 from physic_transformers.panoptic import COCO_PANOPTIC, PaddedFrame, padded_input, people_and_floor
 
 if TYPE_CHECKING:
@@ -37,16 +38,11 @@ class Eomt(PretrainedBackend, Segmenter):
     options: EomtOptions
     specs: ClassVar[tuple[ModelSpec, ...]] = (ModelSpec("weights", "EomtForUniversalSegmentation", ("eomt",)),)
 
-    def load(self, device: str = "cpu") -> None:
-        """Read the weights.
-
-        Raises:
-            WeightsMissingError: they are not on this machine.
-            DeviceError: the device is not there.
-            BackendError: the folder holds another model, or one that does not know people.
-        """
-        super().load(device)
-        class_names(self.network().config.id2label)
+    def build(self, device: str) -> Any:
+        """Read the weights of a network that knows people."""
+        found = super().build(device)
+        class_names(found["weights"].config.id2label)
+        return found
 
     def infer(self, image: UInt8Array) -> People:
         """Segment the people of an image (H, W, 3), best score first, the floor, and portable objects.
@@ -55,10 +51,11 @@ class Eomt(PretrainedBackend, Segmenter):
             InputError: it is not a valid photo.
             BackendError: ``load`` was not called.
         """
-        network, size = self.network(), (image.shape[0], image.shape[1])
+        network, size = self.model(), (image.shape[0], image.shape[1])
         frame = _side(network.config.image_size)
         padded = PaddedFrame(*size, frame)
-        out = network.run(pixel_values=padded_input(image, padded))
+        shown = padded_input(image, padded)
+        out = network.run(pixel_values=picture_tensor(shown, IMAGENET_MEAN, IMAGENET_STD, device=self.device))
         return people_and_floor(
             to_numpy(out.class_queries_logits)[0],
             to_numpy(out.masks_queries_logits)[0],

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.detections import clip_boxes, xyxy_from_cxcywh
-from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw, resize_image
+from physic_core.adapters.detections import clip_boxes, sigmoid, xyxy_from_cxcywh
+from physic_core.adapters.networks import picture_tensor, to_numpy
+from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, resize_image
 from physic_core.interfaces import Options, Segmenter, Share
-from physic_transformers.folders import WEIGHTS_HELP, ModelSpec
-from physic_transformers.models import ModelOptions, PretrainedBackend, to_numpy
+from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend
 from physic_transformers.sam_masks import best_rows, people_from_sam, people_of_prompt, union_of_masks
 from physic_transformers.sizes import size_from_edges
 
@@ -93,7 +93,7 @@ class GroundedSam2(PretrainedBackend, Segmenter):
         """
 
         options, size = self.options, (image.shape[0], image.shape[1])
-        pixels = _detector_pixels(image)
+        pixels = detector_pixels(image, self.device)
         if prompt is None:
             boxes, scores = self._boxes(pixels, options.people_words, options.person_score, size)
             points: FloatArray = np.zeros((0, 2))
@@ -109,12 +109,10 @@ class GroundedSam2(PretrainedBackend, Segmenter):
             return people_of_prompt(logits[:people], prompt, floor, size)
         return people_from_sam(logits[:people], boxes, scores, floor, size, same=options.same_person)
 
-    def _boxes(
-        self, pixels: FloatArray, words: str, threshold: float, size: tuple[int, int]
-    ) -> tuple[FloatArray, FloatArray]:
+    def _boxes(self, pixels: Any, words: str, threshold: float, size: tuple[int, int]) -> tuple[FloatArray, FloatArray]:
         """Detect boxes (N, 4) px with scores (N,) for a text prompt."""
 
-        network, options = self.network("detector"), self.options
+        network, options = self.model("detector"), self.options
         text = network.tokenizer(format_prompt(words), return_tensors="np", return_token_type_ids=True)
         out = network.run(
             pixel_values=pixels,
@@ -133,12 +131,13 @@ class GroundedSam2(PretrainedBackend, Segmenter):
     def _masks(self, image: UInt8Array, boxes: FloatArray, points: FloatArray) -> FloatArray:
         """Predict the mask logits (N, h, w) of points (P, 2) px and then of boxes (N - P, 4) px."""
 
-        network = self.network("masks")
+        network = self.model("masks")
         side = int(network.config.prompt_encoder_config.image_size)
         grid = 4 * side // int(network.config.prompt_encoder_config.patch_size)
         if not len(boxes) and not len(points):
             return np.zeros((0, grid, grid), np.float32)
-        pixels = normalized_nchw(resize_image(image, side, side, "bilinear-antialias"), IMAGENET_MEAN, IMAGENET_STD)
+        small = resize_image(image, side, side, "bilinear-antialias")
+        pixels = picture_tensor(small, IMAGENET_MEAN, IMAGENET_STD, device=self.device)
         embeddings = network.run("get_image_embeddings", pixel_values=pixels)
         height, width = image.shape[:2]
         scale = side / np.array([width, height])
@@ -178,7 +177,7 @@ def decode_text_boxes(
         text_threshold: of the score of reported tokens.
     """
 
-    chance = 1 / (1 + np.exp(-np.clip(np.asarray(logits, np.float64), -60, 60)))
+    chance = sigmoid(np.asarray(logits, np.float64))
     scores = chance.max(axis=1)
     rows = best_rows(scores, box_threshold, len(scores))
     named: BoolArray = chance[rows] > text_threshold
@@ -187,7 +186,8 @@ def decode_text_boxes(
     return TextDetections(xyxy_from_cxcywh(boxes[rows].astype(np.float64)), scores[rows], tokens)
 
 
-def _detector_pixels(image: NDArray[np.uint8]) -> FloatArray:
-    """Preprocess a photo for GroundingDINO."""
+def detector_pixels(image: NDArray[np.uint8], device: str = "cpu") -> Any:
+    """Return the input of GroundingDINO, a tensor (1, 3, h, w)."""
     height, width = size_from_edges(image.shape[0], image.shape[1], _SHORT, _LONG)
-    return normalized_nchw(resize_image(image, height, width, "bilinear-antialias"), IMAGENET_MEAN, IMAGENET_STD)
+    small = resize_image(image, height, width, "bilinear-antialias")
+    return picture_tensor(small, IMAGENET_MEAN, IMAGENET_STD, device=device)

@@ -6,31 +6,43 @@ is downloaded here; ``physic weights fetch NAME`` does that.
 
 from __future__ import annotations
 
+import json
 from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.devices import check_device
+from physic_core.adapters.networks import TorchBackend
 from physic_core.adapters.threads import limited_threads
-from physic_core.errors import BackendError, DeviceError, WeightsMissingError
-from physic_core.interfaces import Backend, Options
-from physic_transformers.folders import (
-    ModelSpec,
-    check_model_type,
-    find_folder,
-    missing_network_files,
-    model_fingerprint,
-)
+from physic_core.errors import BackendError, DeviceError
+from physic_core.interfaces import Options
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
 _TOLD = 4  # names of weights in a message
+WEIGHTS_HELP = "a name of `physic weights list`, or a folder of your own, as save_pretrained of transformers writes it"
+"""Description of the options that name weights."""
+
+
+@dataclass(frozen=True)
+class ModelSpec:
+    """Network of a backend: name of its weights option, class in transformers and readable model types.
+
+    Attributes:
+        option: name of the option that names its weights.
+        class_name: class in transformers.
+        model_types: values of ``model_type`` in config.json that the class can read.
+        needs_tokenizer: whether the network takes text.
+    """
+
+    option: str
+    class_name: str
+    model_types: tuple[str, ...]
+    needs_tokenizer: bool = False
 
 
 class ModelOptions(Options):
@@ -67,7 +79,7 @@ class TransformersModel:
 
         Args:
             method: its name; empty for the model's own call.
-            inputs: numpy arrays, which become tensors on its device, or whatever an earlier call gave. Only pixels take
+            inputs: arrays and tensors, which come to its device, or whatever an earlier call gave. Only pixels take
                 its type of number: coordinates of a prompt would lose whole pixels in bfloat16.
         """
         import torch
@@ -80,90 +92,61 @@ class TransformersModel:
         """Convert an input to a tensor on the model's device."""
         import torch
 
-        if not isinstance(value, np.ndarray):
+        if not isinstance(value, np.ndarray | torch.Tensor):
             return value
-        tensor = torch.from_numpy(np.ascontiguousarray(value)).to(self._model.device)
+        tensor = torch.as_tensor(value).to(self._model.device)
         return tensor.to(self._model.dtype) if name == "pixel_values" else tensor
 
 
-class PretrainedBackend(Backend):
-    """Base class of backends whose networks are in the format of transformers' ``save_pretrained``."""
+class PretrainedBackend(TorchBackend):
+    """Base class of backends whose networks are in the format of transformers' ``save_pretrained``.
+
+    Attributes:
+        specs: of its networks.
+    """
 
     specs: ClassVar[tuple[ModelSpec, ...]]
     options: ModelOptions
 
-    def __init__(self, options: Any = None) -> None:
-        super().__init__(options)
-        self._networks: dict[str, TransformersModel] = {}
+    def __init_subclass__(cls, **named: Any) -> None:
+        """Name the options with weights, which the specs of a backend state."""
+        super().__init_subclass__(**named)
+        cls.weight_options = tuple(spec.option for spec in cls.specs)
 
-    def missing(self) -> tuple[str, ...]:
-        """Describe the missing weights, and how to get them."""
-        return tuple(text for spec in self.specs for text in missing_network_files(spec, self._value(spec)))
+    def build(self, device: str) -> dict[str, TransformersModel]:
+        """Read the weights, by the names of their options."""
+        found = {}
+        for spec in self.specs:
+            place = self.file(option=spec.option)
+            folder = place if place.is_dir() else place.parent
+            found[spec.option] = open_model(spec, folder, self.options, device)
+        return found
 
-    def fingerprint(self) -> str:
-        """Return the identity of the weights, independent of their path."""
-        found = [model_fingerprint(self._value(spec)) for spec in self.specs]
-        return " ".join(found) if all(found) else ""
-
-    def load(self, device: str = "cpu") -> None:
-        """Read the weights.
-
-        Raises:
-            WeightsMissingError: they are not on this machine.
-            DeviceError: the device is not there, or cannot compute with such numbers.
-            BackendError: the folder holds another model.
-        """
-        if self._networks:
-            return
-        check_device(device)
-        self._networks = {spec.option: open_model(spec, self._value(spec), self.options, device) for spec in self.specs}
-
-    def close(self) -> None:
-        """Release the networks."""
-        self._networks = {}
-
-    def network(self, option: str = "weights") -> TransformersModel:
+    def model(self, option: str = "weights") -> TransformersModel:
         """Return the loaded network of a weights option.
 
         Raises:
             BackendError: ``load`` was not called.
         """
-        try:
-            return self._networks[option]
-        except KeyError:
-            name = type(self).__name__
-            raise BackendError(f"{name} is not loaded: call load() before infer()") from None
-
-    def _value(self, spec: ModelSpec) -> str:
-        return str(getattr(self.options, spec.option))
+        found: TransformersModel = self.network[option]
+        return found
 
 
-def to_numpy(tensor: Any) -> NDArray[np.float32]:
-    """Convert a tensor of any device and float type to float32 numpy."""
-
-    plain = tensor.detach().float().cpu().numpy() if hasattr(tensor, "detach") else tensor
-    return np.asarray(plain, np.float32)
-
-
-def open_model(spec: ModelSpec, value: str, options: ModelOptions, device: str) -> TransformersModel:
+def open_model(spec: ModelSpec, folder: Path, options: ModelOptions, device: str) -> TransformersModel:
     """Load a model, and its tokenizer if it takes text.
 
     Args:
         spec: which class it is to be.
-        value: as for :func:`find_folder`.
+        folder: of the model.
         options: types of numbers and threads.
         device: "cpu", "cuda", "cuda:N".
 
     Raises:
-        WeightsMissingError: files are missing.
         DeviceError: the device cannot compute with such numbers.
         BackendError: the folder holds another model, or not all of its weights.
     """
     _check_dtype(options.dtype, device)
-    if absent := missing_network_files(spec, value):
-        raise WeightsMissingError("; ".join(absent))
-    folder = find_folder(value)
-    check_model_type(folder, spec)
+    _check_model_type(folder, spec)
     import torch
     import transformers
 
@@ -186,6 +169,17 @@ def open_model(spec: ModelSpec, value: str, options: ModelOptions, device: str) 
         raise BackendError(f"{folder} cannot be read as {spec.class_name}: {type(cause).__name__}: {cause}") from cause
     _check_complete(folder, spec, loading_info)
     return TransformersModel(model.eval().to(device), tokenizer, threads=options.threads if device == "cpu" else 0)
+
+
+def _check_model_type(folder: Path, spec: ModelSpec) -> None:
+    """Raise BackendError if the folder contains another type of model."""
+    try:
+        found = json.loads((folder / "config.json").read_text("utf-8")).get("model_type")
+    except (OSError, ValueError, AttributeError) as cause:
+        raise BackendError(f"{folder / 'config.json'} cannot be read: {cause}") from cause
+    if found not in spec.model_types:
+        wanted = " or ".join(f"'{name}'" for name in spec.model_types)
+        raise BackendError(f"{folder} holds a model of the type '{found}', expected {wanted} for {spec.class_name}")
 
 
 def _check_dtype(dtype: str, device: str) -> None:

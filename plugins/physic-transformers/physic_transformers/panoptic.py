@@ -12,7 +12,7 @@ import numpy as np
 
 from physic_core.adapters.detections import sigmoid
 from physic_core.adapters.people import people_from_masks
-from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw, resize_image, resize_map
+from physic_core.adapters.pictures import resize_image, resize_map
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -81,11 +81,11 @@ class PaddedFrame:
         return resize_map(full[: self.inner[0], : self.inner[1]], self.height, self.width)
 
 
-def padded_input(image: UInt8Array, padded: PaddedFrame) -> FloatArray:
-    """Return the network input (1, 3, S, S) of a photo; the padding is black before normalisation."""
+def padded_input(image: UInt8Array, padded: PaddedFrame) -> UInt8Array:
+    """Return a photo in a square (S, S, 3); the padding is black."""
     square = np.zeros((padded.frame, padded.frame, 3), np.uint8)
     square[: padded.inner[0], : padded.inner[1]] = resize_image(image, *padded.inner, "bilinear-antialias")
-    return normalized_nchw(square, IMAGENET_MEAN, IMAGENET_STD)
+    return square
 
 
 def people_and_floor(

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.detections import clip_boxes
-from physic_core.adapters.pictures import normalized_nchw, resize_image, resize_map
+from physic_core.adapters.detections import clip_boxes, sigmoid
+from physic_core.adapters.networks import picture_tensor, to_numpy
+from physic_core.adapters.pictures import resize_image, resize_map
 from physic_core.interfaces import Options, Segmenter, Share
-from physic_transformers.folders import WEIGHTS_HELP, ModelSpec
-from physic_transformers.models import ModelOptions, PretrainedBackend, to_numpy
+from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend
 from physic_transformers.sam_masks import best_rows, people_from_sam
 
 if TYPE_CHECKING:
-    from physic_core.types import BoolArray, FloatArray, People, UInt8Array
+    from physic_core.types import BoolArray, People, UInt8Array
 
 _MEAN = _STD = (0.5, 0.5, 0.5)
 _TOKENS = 32  # of each text: shorter ones are padded
@@ -64,13 +64,13 @@ class Sam3(PretrainedBackend, Segmenter):
         """
 
         options, size = self.options, (image.shape[0], image.shape[1])
-        side = int(_vision(self.network().config).image_size)
-        pixels = normalized_nchw(resize_image(image, side, side, "bilinear-antialias"), _MEAN, _STD)
-        seen = self.network().run("get_vision_features", pixel_values=pixels)
+        side = int(_vision(self.model().config).image_size)
+        pixels = picture_tensor(resize_image(image, side, side, "bilinear-antialias"), _MEAN, _STD, device=self.device)
+        seen = self.model().run("get_vision_features", pixel_values=pixels)
         floor = self._floor(seen, size)
         out = self._asked(seen, options.people_words)
         # How well a query fits the text, if there is such a thing in the photo at all.
-        scores = _chance(to_numpy(out.pred_logits)[0]) * _chance(to_numpy(out.presence_logits)[0])
+        scores = sigmoid(to_numpy(out.pred_logits)[0]) * sigmoid(to_numpy(out.presence_logits)[0])
         rows = best_rows(scores, options.person_score, options.max_people)
         height, width = size
         boxes, inside = clip_boxes(
@@ -92,14 +92,14 @@ class Sam3(PretrainedBackend, Segmenter):
         floor: BoolArray = np.zeros(size, bool)
         for word in words:
             out = self._asked(seen, word)
-            chance = _chance(to_numpy(out.semantic_seg)[0, 0]) * _chance(to_numpy(out.presence_logits)[0]).item()
+            chance = sigmoid(to_numpy(out.semantic_seg)[0, 0]) * sigmoid(to_numpy(out.presence_logits)[0]).item()
             floor |= resize_map(chance, *size) > self.options.floor_score
         return floor
 
     def _asked(self, seen: Any, words: str) -> Any:
         """Run the network on a text and an encoded photo."""
 
-        network = self.network()
+        network = self.model()
         text = network.tokenizer(
             words.strip().lower(), return_tensors="np", padding="max_length", max_length=_TOKENS, truncation=True
         )
@@ -110,9 +110,3 @@ class Sam3(PretrainedBackend, Segmenter):
 def _vision(config: Any) -> Any:
     """Return the part of a config with the input size, for the image model or the video model."""
     return getattr(config, "detector_config", None) or config
-
-
-def _chance(logits: FloatArray) -> FloatArray:
-
-    chance: FloatArray = 1 / (1 + np.exp(-np.clip(np.asarray(logits, np.float64), -60, 60)))
-    return chance

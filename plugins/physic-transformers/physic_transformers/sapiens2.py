@@ -13,12 +13,12 @@ from pydantic import Field
 
 from physic_core.adapters.crops import crop_around_box, resample_crop
 from physic_core.adapters.heatmaps import scores_to_confidence, subpixel_peaks
-from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw
+from physic_core.adapters.networks import picture_tensor, to_numpy
+from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD
 from physic_core.errors import BackendError
 from physic_core.interfaces import KeypointDetector, Options
 from physic_core.types import Keypoints
-from physic_transformers.folders import WEIGHTS_HELP, ModelSpec
-from physic_transformers.models import ModelOptions, PretrainedBackend, to_numpy
+from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend
 
 if TYPE_CHECKING:
     from physic_core.adapters.crops import Crop
@@ -73,7 +73,7 @@ class Sapiens2(PretrainedBackend, KeypointDetector):
             InputError: it is not a valid photo.
             BackendError: ``load`` was not called, or the network has other keypoints.
         """
-        config = self.network().config
+        config = self.model().config
         if config.num_labels != NUM_KEYPOINTS:
             raise BackendError(
                 f"these weights have {config.num_labels} keypoints, expected {NUM_KEYPOINTS} of Sapiens2"
@@ -98,6 +98,7 @@ class Sapiens2(PretrainedBackend, KeypointDetector):
 
     def _heatmaps(self, image: UInt8Array, crops: list[Crop]) -> FloatArray:
         """Return the heat maps (n, 63, h, w) of the keypoints that the table needs, of crops."""
-        pixels = [normalized_nchw(resample_crop(image, crop), IMAGENET_MEAN, IMAGENET_STD) for crop in crops]
-        found = self.network().run(pixel_values=np.concatenate(pixels)).heatmaps
+        shown = np.stack([resample_crop(image, crop) for crop in crops])
+        pixels = picture_tensor(shown, IMAGENET_MEAN, IMAGENET_STD, device=self.device)
+        found = self.model().run(pixel_values=pixels).heatmaps
         return to_numpy(found[:, : max(KEYPOINT_OF_WHOLEBODY.values()) + 1])

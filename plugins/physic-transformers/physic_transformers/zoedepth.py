@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.pictures import normalized_nchw, resize_map
+from physic_core.adapters.networks import picture_tensor, to_numpy
+from physic_core.adapters.pictures import resize_map
 from physic_core.interfaces import MetricDepth, Options
 from physic_core.types import DepthMap
-from physic_transformers.folders import WEIGHTS_HELP, ModelSpec
-from physic_transformers.models import ModelOptions, PretrainedBackend, to_numpy
+from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend
 from physic_transformers.sizes import size_from_target
 
 if TYPE_CHECKING:
@@ -46,11 +46,11 @@ class ZoeDepth(PretrainedBackend, MetricDepth):
             BackendError: ``load`` was not called.
         """
 
-        shown = preprocess(image)
-        depth = to_numpy(self.network().run(pixel_values=shown).predicted_depth)[0]
+        shown = preprocess(image, self.device)
+        depth = to_numpy(self.model().run(pixel_values=shown).predicted_depth)[0]
         if self.options.mirror:
-            mirrored = np.ascontiguousarray(shown[..., ::-1])
-            depth = (depth + to_numpy(self.network().run(pixel_values=mirrored).predicted_depth)[0, :, ::-1]) / 2
+            mirrored = shown.flip(-1)
+            depth = (depth + to_numpy(self.model().run(pixel_values=mirrored).predicted_depth)[0, :, ::-1]) / 2
         photo = crop_padding(depth, *image.shape[:2])
         return DepthMap(np.where(photo > 0, photo, np.nan).astype(np.float32))
 
@@ -63,17 +63,13 @@ def reflection_margins(height: int, width: int) -> tuple[int, int]:
     return int((height / 2) ** 0.5 * 3), int((width / 2) ** 0.5 * 3)
 
 
-def preprocess(image: UInt8Array) -> FloatArray:
+def preprocess(image: UInt8Array, device: str = "cpu") -> Any:
     """Pad and resize a photo to (1, 3, h, w) in [-1, 1]; corners are aligned, as in ZoeDepth's own resizing."""
-    import torch
-
     rows, columns = reflection_margins(*image.shape[:2])
     framed = np.pad(image, ((rows, rows), (columns, columns), (0, 0)), mode="reflect")
-    tensor = torch.from_numpy(normalized_nchw(framed))
     size = size_from_target(framed.shape[0], framed.shape[1], _FRAME, _MULTIPLE)
-    resized = torch.nn.functional.interpolate(tensor, size, mode="bilinear", align_corners=True).numpy()
-    centred: FloatArray = (resized - np.float32(0.5)) / np.float32(0.5)
-    return centred
+    half = (0.5, 0.5, 0.5)
+    return picture_tensor(framed, half, half, size=size, align_corners=True, device=device)
 
 
 def crop_padding(depth: FloatArray, height: int, width: int) -> FloatArray:

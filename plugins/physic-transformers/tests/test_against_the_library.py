@@ -44,7 +44,7 @@ class TestGroundingDino:
 
         image = photo(height, width)
         theirs = GroundingDinoImageProcessorPil()(images=image, return_tensors="np")["pixel_values"]
-        ours = grounded_sam2._detector_pixels(image)
+        ours = grounded_sam2.detector_pixels(image)
         assert ours.shape == theirs.shape
         np.testing.assert_allclose(ours, theirs, atol=2e-6)
 
@@ -99,7 +99,7 @@ class TestDepthPro:
         theirs = 1 / torch.clamp(inverse[0, 0], 1e-4, 1e4)
         backend = depth_pro.DepthPro()
         config = SimpleNamespace(patch_size=6, scaled_images_ratios=[0.25, 0.5, 1])
-        backend._networks = {"weights": SimpleNamespace(config=config, run=lambda **_: out)}  # type: ignore[dict-item]
+        backend._network = {"weights": SimpleNamespace(config=config, run=lambda **_: out)}
         answer = backend.infer(photo(height, width), Hints())
         np.testing.assert_allclose(answer.depth, theirs.numpy(), rtol=1e-4)
         assert answer.intrinsics is not None
@@ -196,7 +196,7 @@ class TestSapiens2:
         backend = Sapiens2()
         config = SimpleNamespace(image_size=[1024, 768], num_labels=308)
         out = SimpleNamespace(heatmaps=maps)
-        backend._networks = {"weights": SimpleNamespace(config=config, run=lambda **_: out)}  # type: ignore[dict-item]
+        backend._network = {"weights": SimpleNamespace(config=config, run=lambda **_: out)}
         ours = backend.infer(photo(240, 320), People(np.ones((2, 240, 320), bool), corners, np.array([0.9, 0.8])))
         own = list(KEYPOINT_OF_WHOLEBODY.values())
         np.testing.assert_allclose(ours.points[:, list(KEYPOINT_OF_WHOLEBODY)], theirs.numpy()[:, own], atol=0.02)

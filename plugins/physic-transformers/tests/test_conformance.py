@@ -15,7 +15,6 @@ import pytest
 import torch
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from physic_core.adapters.devices import check_device
 from physic_core.errors import NoPersonError
 from physic_core.types import SKELETONS, PeoplePrompt
 from physic_testing import build_world, check_backend, world_of
@@ -291,6 +290,17 @@ def _edges(mask: np.ndarray) -> np.ndarray:
     return np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], float) if len(rows) else np.full(4, -1e4)
 
 
+def on_arrays(network: Any) -> Any:
+    """Give a stand-in its pixels as an array."""
+    run = network.run
+
+    def on_array(*method: str, **inputs: Any) -> Any:
+        return run(*method, **{name: np.asarray(v) if name == "pixel_values" else v for name, v in inputs.items()})
+
+    network.run = on_array
+    return network
+
+
 class Telling:
     """Puts stand-ins where a backend would load real networks, and gives them the photo."""
 
@@ -299,13 +309,12 @@ class Telling:
     def missing(self) -> tuple[str, ...]:
         return ()
 
-    def load(self, device: str = "cpu") -> None:
-        check_device(device)
-        self._networks = self._networks or {option: make() for option, make in self.stand_ins}
+    def build(self, device: str) -> Any:
+        return {option: on_arrays(make()) for option, make in self.stand_ins}
 
     def infer(self, image: Any, *rest: Any) -> Any:
         if getattr(image, "ndim", 0) == 3:
-            for network in self._networks.values():
+            for network in (self._network or {}).values():
                 network.show(image)
                 if hasattr(network, "show_people"):
                     network.show_people(rest[0].boxes)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +25,6 @@ from physic_transformers.zoedepth import ZoeDepth, ZoeDepthOptions
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
 
     from numpy.typing import NDArray
 
@@ -39,7 +39,7 @@ class Recorded:
         self.output_kind, self.asked = list(answers), []
 
     def run(self, method: str = "", /, **inputs: Any) -> Any:
-        self.asked.append((method, inputs))
+        self.asked.append((method, {k: np.asarray(v) if torch.is_tensor(v) else v for k, v in inputs.items()}))
         return self.output_kind.pop(0) if len(self.output_kind) > 1 else self.output_kind[0]
 
     def shown(self, call: int = 0) -> NDArray[np.float32]:
@@ -49,7 +49,7 @@ class Recorded:
 
 
 def given(backend: Any, **networks: Recorded) -> Any:
-    backend._networks = networks
+    backend._network = networks
     return backend
 
 
@@ -152,6 +152,7 @@ class TestDepthPro:
         self, monkeypatch: pytest.MonkeyPatch, there: float, side: int, options: dict[str, float], refused: bool
     ) -> None:
         config = SimpleNamespace(patch_size=side, scaled_images_ratios=[0.25, 0.5, 1])
+        monkeypatch.setattr(DepthPro, "file", lambda *_, **__: Path("here"))
         monkeypatch.setattr("physic_transformers.models.open_model", lambda *_: Recorded(config))
         monkeypatch.setattr("physic_transformers.depth_pro.memory_gb", lambda: there)
         backend = DepthPro(DepthProOptions(**options))
@@ -161,7 +162,7 @@ class TestDepthPro:
         with pytest.raises(DeviceError, match=r"about 18 GB .* has 8 GB"):
             backend.load()
         with pytest.raises(BackendError, match="call load"):
-            backend.network()
+            backend.model()
 
     def test_the_sky_is_not_known(self) -> None:
         assert np.isnan(self.asked(0.0, 90.0).depth).all()
