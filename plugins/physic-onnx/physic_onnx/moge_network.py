@@ -8,7 +8,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
-from weakref import WeakKeyDictionary, WeakSet, WeakValueDictionary
+from weakref import WeakSet, WeakValueDictionary
 
 import numpy as np
 
@@ -77,81 +77,72 @@ def network_input_size(height: int, width: int, tokens: int) -> tuple[int, int]:
     return max(1, round(height * factor)), max(1, round(width * factor))
 
 
-class SharedMoge:
-    """MoGe-2 network and cached outputs, shared by backends and thread-safe.
+@dataclass(frozen=True, eq=False)
+class OpenMoge:
+    """Open MoGe-2; the last backend that lets go of it closes it.
 
-    A backend registers, opens and releases it. The network is open while a backend holds it. Outputs are cached while a
-    backend holds it or is registered.
+    Attributes:
+        identity: file and device.
+        network: of the file.
+        ports: its inputs and outputs by our names.
+    """
+
+    identity: Hashable
+    network: Network
+    ports: PortMatch
+
+
+class SharedMoge:
+    """Open networks and the latest outputs, shared by backends with equal settings and thread-safe.
+
+    Attributes:
+        members: backends that ask or will ask; outputs are kept while there is one.
     """
 
     def __init__(self) -> None:
+        self.members: WeakSet[object] = WeakSet()
         self._lock = threading.RLock()
-        self._expected: WeakSet[object] = WeakSet()
-        self._holders: WeakKeyDictionary[object, Hashable] = WeakKeyDictionary()
-        self._networks: dict[Hashable, tuple[Network, PortMatch]] = {}
-        self._cache: OrderedDict[Hashable, AffinePoints] = OrderedDict()
+        self._open: WeakValueDictionary[Hashable, OpenMoge] = WeakValueDictionary()
+        self._outputs: OrderedDict[Hashable, AffinePoints] = OrderedDict()
 
-    def register(self, backend: object) -> None:
-        """Register a backend that is not loaded yet."""
-        with self._lock:
-            self._expected.add(backend)
-
-    def open(self, backend: object, identity: Hashable, opener: Callable[[], Network]) -> None:
-        """Open the network for a backend; ``opener`` is called only if the network is not open yet.
-
-        ``identity`` (file, device) identifies the network.
+    def open(self, identity: Hashable, opener: Callable[[], Network]) -> OpenMoge:
+        """Return the network of a file on a device; ``opener`` is called only if it is not open.
 
         Raises:
             BackendError: it is not a MoGe-2.
         """
         with self._lock:
-            if identity not in self._networks:
+            found = self._open.get(identity)
+            if found is None:
                 network = opener()
-                _, match = match_signature(network, SIGNATURES)
-                fixed = [size for size in match.inputs["image"].shape[2:] if isinstance(size, int)]
+                _, ports = match_signature(network, SIGNATURES)
+                fixed = [size for size in ports.inputs["image"].shape[2:] if isinstance(size, int)]
                 if fixed:
                     raise BackendError(
                         f"{network.name} was exported for photos of one size, {fixed}: export it with free height "
                         "and width (dynamic_axes), or use a published file, see `physic weights list`"
                     )
-                self._networks[identity] = (network, match)
-            self._expected.add(backend)
-            self._holders[backend] = identity
-            self._close_unused()
+                found = self._open[identity] = OpenMoge(identity, network, ports)
+            return found
 
     def release(self, backend: object) -> None:
-        """Release the network for a backend; the last release closes it."""
+        """Drop the outputs if no other backend will ask for them."""
         with self._lock:
-            self._holders.pop(backend, None)
-            self._expected.discard(backend)
-            self._close_unused()
-            if not self._expected:
-                self._cache.clear()
+            self.members.discard(backend)
+            if not self.members:
+                self._outputs.clear()
 
-    def run(self, backend: object, image: UInt8Array, tokens: int) -> AffinePoints:
-        """Return the network output for a photo (H, W, 3), from the cache if possible.
-
-        Raises:
-            BackendError: the backend does not hold it, or the network fails.
-        """
-
+    def run(self, moge: OpenMoge, image: UInt8Array, tokens: int) -> AffinePoints:
+        """Return the network output for a photo (H, W, 3), of an earlier call if possible."""
+        pixels = np.ascontiguousarray(image)
+        key = (moge.identity, tokens, pixels.shape, hashlib.blake2b(pixels.data).digest())
         with self._lock:
-            identity = self._holders.get(backend)
-            if identity is None:
-                raise BackendError("MoGe-2 is not loaded: call load() before infer()")
-            pixels = np.ascontiguousarray(image)
-            key = (identity, tokens, pixels.shape, hashlib.blake2b(pixels.data).digest())
-            if key not in self._cache:
-                self._cache[key] = _run(*self._networks[identity], pixels, tokens)
-            self._cache.move_to_end(key)
-            while len(self._cache) > _CACHE_SIZE:
-                self._cache.popitem(last=False)
-            return self._cache[key]
-
-    def _close_unused(self) -> None:
-        """Close networks that no backend holds."""
-        held = set(self._holders.values())
-        self._networks = {identity: opened for identity, opened in self._networks.items() if identity in held}
+            if key not in self._outputs:
+                self._outputs[key] = _run(moge.network, moge.ports, pixels, tokens)
+            self._outputs.move_to_end(key)
+            while len(self._outputs) > _CACHE_SIZE:
+                self._outputs.popitem(last=False)
+            return self._outputs[key]
 
 
 def shared_moge(*settings: Hashable) -> SharedMoge:

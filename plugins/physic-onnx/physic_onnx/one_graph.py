@@ -4,23 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field
 
+from physic_core.adapters.networks import NetworkBackend
 from physic_core.errors import BackendError
+from physic_core.weights import read_manifest
 
 from .contract import GraphSignature, match_signature
 from .options import OnnxOptions
+from .sessions import open_network
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from numpy.typing import NDArray
 
     from .contract import PortMatch
     from .sessions import Network
 
-MANIFEST = Path(__file__).parent / "weights"
 WEIGHTS_HELP = "a name of `physic weights list`, or the path of an ONNX file of your own"
 
 
@@ -62,10 +65,8 @@ class LoadedGraph:
         return self.ports.run(self.network, {name: fed}, outputs)
 
 
-class OnnxBackend:
+class OnnxBackend(NetworkBackend):
     """Base class of a backend that runs a single ONNX file.
-
-    In the list of base classes, it precedes the interface.
 
     Attributes:
         signatures: name -> the inputs and outputs of that form of the file, most telling first.
@@ -73,78 +74,38 @@ class OnnxBackend:
 
     signatures: ClassVar[Mapping[str, GraphSignature]]
     options: OnnxBackendOptions
-    _loaded: LoadedGraph | None = None
 
-    def load(self, device: str = "cpu") -> None:
-        """Find the file, open it, and match its inputs and outputs against the known signatures.
-
-        Raises:
-            WeightsMissingError: the file is not on this machine.
-            DeviceError: the device is not there.
-            BackendError: the file is of no known form.
-        """
-        from .sessions import open_network
-
-        if self._loaded is not None:
-            return
-        path = find_graph_file(self.options.weights)
+    def build(self, device: str) -> LoadedGraph:
+        """Find the file, open it, and match its inputs and outputs against the known signatures."""
+        path = self.graph_file()
         self.check_file(path)
-        self.bind(open_network(path, self.options, device))
+        return self.match(open_network(path, self.options, device))
 
     def check_file(self, path: Path) -> None:
         """Raise BackendError for a file that can be rejected before it is opened."""
 
-    def bind(self, network: Network) -> None:
-        """Store an open network, and match its inputs and outputs to the known signatures.
+    def match(self, network: Network) -> LoadedGraph:
+        """Match the inputs and outputs of an open network to the known signatures.
 
         Raises:
             BackendError: it is of no known form.
         """
-        self._loaded = LoadedGraph(network, *match_signature(network, self.signatures))
+        return LoadedGraph(network, *match_signature(network, self.signatures))
 
-    def close(self) -> None:
-        """Close the network."""
-        self._loaded = None
-
-    def missing(self) -> tuple[str, ...]:
-        """Describe the weights that are missing on this machine."""
-        from physic_core.weights import missing
-
-        return missing(MANIFEST, self.options.weights)
-
-    def fingerprint(self) -> str:
-        """Return the checksum of the weights."""
-        from physic_core.weights import fingerprint
-
-        return fingerprint(MANIFEST, self.options.weights)
-
-    def loaded(self) -> LoadedGraph:
-        """Return the open network.
+    def graph_file(self) -> Path:
+        """Return the path of the one ONNX file that the option ``weights`` names.
 
         Raises:
-            BackendError: it is not loaded.
+            WeightsMissingError: it, or another file of its set, is not here.
+            BackendError: a folder of the user's own that holds several.
         """
-        if self._loaded is None:
-            raise BackendError(f"{type(self).__name__} is not loaded: call load() before infer()")
-        return self._loaded
-
-
-def find_graph_file(weights: str) -> Path:
-    """Return the path of the one ONNX file that the option ``weights`` names.
-
-    Raises:
-        WeightsMissingError: it, or another file of its set, is not here.
-        BackendError: a folder of the user's own that holds several.
-    """
-    from physic_core.weights import locate, read_manifest
-
-    found = locate(MANIFEST, weights)
-    if found.is_file():
-        return found
-    known = read_manifest(MANIFEST).get(weights)
-    names = [file.path for file in known.files] if known is not None else sorted(p.name for p in found.iterdir())
-    graphs = [name for name in names if name.endswith(".onnx")]
-    if len(graphs) != 1:
-        held = ", ".join(graphs) or "none"
-        raise BackendError(f"one ONNX file is wanted, and {found} holds {held}: give the path of the file itself")
-    return found / graphs[0]
+        found = self.file()
+        if found.is_file():
+            return found
+        known = read_manifest(self.manifest()).get(self.options.weights)
+        names = [file.path for file in known.files] if known is not None else sorted(p.name for p in found.iterdir())
+        graphs = [name for name in names if name.endswith(".onnx")]
+        if len(graphs) != 1:
+            held = ", ".join(graphs) or "none"
+            raise BackendError(f"one ONNX file is wanted, and {found} holds {held}: give the path of the file itself")
+        return found / graphs[0]

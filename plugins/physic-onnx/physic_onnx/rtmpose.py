@@ -20,6 +20,7 @@ from .one_graph import WEIGHTS_HELP, OnnxBackend, OnnxBackendOptions
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Keypoints, People, UInt8Array
 
+    from .one_graph import LoadedGraph
     from .sessions import Network
 
 HEIGHT, WIDTH = 256, 192
@@ -60,14 +61,15 @@ class RtmPose(OnnxBackend, KeypointDetector):
         ),
     }
 
-    def bind(self, network: Network) -> None:
-        """Store an open network; raise BackendError if it states an unknown number of joints."""
+    def match(self, network: Network) -> LoadedGraph:
+        """Match an open network; raise BackendError if it states an unknown number of joints."""
         from .top_down import skeleton_name
 
-        super().bind(network)
-        shape = self.loaded().ports.outputs["simcc_x"].shape
+        loaded = super().match(network)
+        shape = loaded.ports.outputs["simcc_x"].shape
         if len(shape) == 3 and isinstance(shape[1], int):
             skeleton_name(shape[1], network.name)
+        return loaded
 
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
         """Return keypoints of N people. A joint's confidence is the lower one of its peaks in x and y."""
@@ -78,7 +80,7 @@ class RtmPose(OnnxBackend, KeypointDetector):
 
         from .top_down import SKELETON_BY_JOINTS, crop_batch, run_batches, size_or_default, skeleton_name
 
-        loaded = self.loaded()
+        loaded = self.network
         file = loaded.network.name
         if not len(people):
             shape = loaded.ports.outputs["simcc_x"].shape

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from physic_core import discover, load_backend
+from physic_core.adapters.networks import NetworkBackend
 from physic_core.errors import BackendError, BackendNotFoundError, PhysicError
 from physic_core.interfaces import Options, Segmenter, Share
-from physic_core.weights import fingerprint, locate, missing
+from physic_core.weights import fingerprint, missing
 
 from .options import OnnxOptions
 
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from .detectors import Detector
     from .sam2_networks import EncodedImage, Sam2Networks
 
-MANIFEST = Path(__file__).parent / "weights"
 EMBEDDED = "embedded"
 """Value of the option ``detector``: boxes, joints and surfaces of the segmenter in the wheel of physic-embedded."""
 _SEGMENTER = "physic-embedded:embedded"
@@ -55,7 +54,7 @@ class Sam2Options(OnnxOptions):
     )
 
 
-class Sam2(Segmenter):
+class Sam2(NetworkBackend, Segmenter):
     """Segmenter: SAM 2.1 (or SAM 3's tracker) with a person detector.
 
     Both networks are identified by the inputs and outputs of their files. The photo is encoded once for all people and
@@ -65,46 +64,32 @@ class Sam2(Segmenter):
 
     Options: ClassVar[type[Options]] = Sam2Options
     options: Sam2Options
+    weight_options = ("weights", "detector")
 
-    def __init__(self, options: Sam2Options | None = None) -> None:
-        super().__init__(options)
-        self._networks: Sam2Networks | None = None
-        self._detector: Detector | None = None
-        self._segmenter: Segmenter | None = None
-
-    def load(self, device: str = "cpu") -> None:
-        """Open the encoder, the decoder and the detector.
-
-        Raises:
-            WeightsMissingError: files are not here; the message says how to get them.
-            BackendError: a file is not what it should be.
-            DeviceError: the device is not there.
-        """
+    def build(self, device: str) -> tuple[Sam2Networks, Detector | Segmenter]:
+        """Open the encoder, the decoder and the detector."""
         from .detectors import open_detector
         from .sam2_networks import open_sam2
 
-        if self._networks is not None:
-            return
-        folder = locate(MANIFEST, self.options.weights)
+        folder = self.file()
         if not folder.is_dir():
             raise BackendError(f"SAM 2 is two files in a folder, and {folder} is one file: name their folder")
+        detector: Any
         if self.options.detector == EMBEDDED:
-            found = load_backend("segmenter", _SEGMENTER, device=device, threads=self.options.threads)
-            assert isinstance(found, Segmenter)
-            self._segmenter = found
+            detector = load_backend("segmenter", _SEGMENTER, device=device, threads=self.options.threads)
         else:
-            self._detector = open_detector(locate(MANIFEST, self.options.detector), self.options, device)
-        self._networks = open_sam2(folder, self.options, device, self.options.variant)
+            detector = open_detector(self.file(option="detector"), self.options, device)
+        return open_sam2(folder, self.options, device, self.options.variant), detector
 
     def close(self) -> None:
         """Close the networks."""
-        if self._segmenter is not None:
-            self._segmenter.close()
-        self._networks = self._detector = self._segmenter = None
+        if self._network is not None and isinstance(self._network[1], Segmenter):
+            self._network[1].close()
+        super().close()
 
     def missing(self) -> tuple[str, ...]:
-        """Describe the missing files of encoder, decoder and detector."""
-        lack = missing(MANIFEST, self.options.weights)
+        """Describe the missing files of encoder, decoder and detector, or the missing plugin of the embedded one."""
+        lack = missing(self.manifest(), self.options.weights)
         return (*(lack or self._not_in_folder()), *self._missing_detector())
 
     def fingerprint(self) -> str:
@@ -112,8 +97,8 @@ class Sam2(Segmenter):
         detector = self.options.detector
         if detector == EMBEDDED:
             found = discover().get("segmenter", _SEGMENTER).origin
-            return f"{fingerprint(MANIFEST, self.options.weights)} {found}"
-        return f"{fingerprint(MANIFEST, self.options.weights)} {fingerprint(MANIFEST, detector)}"
+            return f"{fingerprint(self.manifest(), self.options.weights)} {found}"
+        return super().fingerprint()
 
     def infer(self, image: UInt8Array) -> People:
         """Segment the people of an image (H, W, 3), best score first, and the floor.
@@ -130,21 +115,20 @@ class Sam2(Segmenter):
 
         from .sam2_floor import floor_mask
 
-        if self._networks is None or (self._detector is None and self._segmenter is None):
-            raise BackendError("SAM 2 is not loaded: call load() before infer()")
+        networks, detector = self.network
         size = (image.shape[0], image.shape[1])
-        seen = None if self._segmenter is None else self._segmenter.infer(image)
+        seen = detector.infer(image) if isinstance(detector, Segmenter) else None
         if seen is not None:
             found = Detections(seen.boxes, seen.scores, seen.keypoints)
-        elif self._detector is not None:
-            found = self._detector.infer(image, self.options.score, self.options.overlap)
+        else:
+            found = detector.infer(image, self.options.score, self.options.overlap)
         found = found[found.boxes[:, 3] - found.boxes[:, 1] >= self.options.smallest_px][: self.options.most]
         border = self.options.floor == "feet-and-border"
         if not len(found) and not border:
             nobody = people_from_masks([], None, found.scores, size=size, keypoints=found.keypoints)
             return nobody if seen is None else _with_rest(nobody, seen, with_floor=self.options.floor != "none")
-        photo = self._networks.encode(image)
-        found, logits = self._masks(self._networks, photo, found)
+        photo = networks.encode(image)
+        found, logits = self._masks(networks, photo, found)
         people = people_from_masks(
             (resize_map(grid, *size) for grid in logits),
             found.boxes,
@@ -153,13 +137,13 @@ class Sam2(Segmenter):
             keypoints=found.keypoints,
         )
         if self.options.floor != "none":
-            people = replace(people, floor=floor_mask(self._networks, photo, people, border=border))
+            people = replace(people, floor=floor_mask(networks, photo, people, border=border))
         return people if seen is None else _with_rest(people, seen, with_floor=self.options.floor != "none")
 
     def _missing_detector(self) -> tuple[str, ...]:
         """Describe missing files of the detector, or the missing plugin of the embedded one."""
         if self.options.detector != EMBEDDED:
-            return missing(MANIFEST, self.options.detector)
+            return missing(self.manifest(), self.options.detector)
         try:
             discover().get("segmenter", _SEGMENTER)
         except BackendNotFoundError as error:
@@ -184,7 +168,7 @@ class Sam2(Segmenter):
         from .sam2_networks import find_sam2_files
 
         try:
-            find_sam2_files(locate(MANIFEST, self.options.weights), self.options.variant)
+            find_sam2_files(self.file(), self.options.variant)
         except PhysicError as error:
             return (str(error),)
         return ()

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.adapters.networks import run_in_batches
 from physic_core.errors import BackendError
 
 if TYPE_CHECKING:
@@ -69,22 +70,10 @@ def run_batches(
     Raises:
         BackendError: it fails, or answers another number of rows.
     """
+    firsts = [shape[0] for name in feed if (shape := loaded.input_shape(name))]
+    fixed = [first for first in firsts if isinstance(first, int) and first > 0]
 
-    rows = len(next(iter(feed.values())))
-    size = min([size_or_default(loaded.input_shape(name)[0], most) for name in feed if loaded.input_shape(name)])
-    fixed = any(isinstance(loaded.input_shape(name)[0], int) for name in feed if loaded.input_shape(name))
-    found: list[list[NDArray[Any]]] = []
-    for start in range(0, rows, size):
-        part = {name: value[start : start + size] for name, value in feed.items()}
-        count = len(next(iter(part.values())))
-        if fixed and count < size:
-            part = {name: np.concatenate([v, np.repeat(v[-1:], size - count, axis=0)]) for name, v in part.items()}
-        answers = loaded.ports.run(loaded.network, part, outputs)
-        for name, answer in zip(outputs, answers, strict=True):
-            if answer.ndim == 0 or len(answer) != len(next(iter(part.values()))):
-                raise BackendError(
-                    f"{loaded.network.name} was shown {len(next(iter(part.values())))} pictures and returned "
-                    f"{name} {answer.shape}: it does not keep its batch; export it with a free first axis, or with 1"
-                )
-        found.append([answer[:count] for answer in answers])
-    return [np.concatenate(parts) for parts in zip(*found, strict=True)]
+    def call(part: dict[str, NDArray[Any]]) -> list[NDArray[Any]]:
+        return loaded.ports.run(loaded.network, part, outputs)
+
+    return run_in_batches(call, feed, fixed[0] if fixed else most, full=bool(fixed))

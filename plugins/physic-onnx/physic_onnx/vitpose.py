@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from physic_core.adapters.crops import PixelAlignment
     from physic_core.types import FloatArray, Keypoints, People, UInt8Array
 
+    from .one_graph import LoadedGraph
     from .sessions import Network
 
 HEIGHT, WIDTH = 256, 192
@@ -67,18 +68,19 @@ class VitPose(OnnxBackend, KeypointDetector):
         ),
     }
 
-    def bind(self, network: Network) -> None:
-        """Store an open network and find its number of joints.
+    def match(self, network: Network) -> LoadedGraph:
+        """Match an open network and find its number of joints.
 
         A file that does not state the number is run once.
         """
         from .top_down import skeleton_name
 
-        super().bind(network)
-        shape = self.loaded().ports.outputs[self._maps()].shape
+        loaded = self._network = super().match(network)
+        shape = loaded.ports.outputs[self._maps()].shape
         stated = shape[1] if len(shape) == 4 else ""
         self._joints = stated if isinstance(stated, int) else self._count()
         skeleton_name(self._joints, network.name)
+        return loaded
 
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
         """Return keypoints of N people; the confidence of a joint is the peak of its heatmap."""
@@ -89,7 +91,7 @@ class VitPose(OnnxBackend, KeypointDetector):
 
         from .top_down import crop_batch, skeleton_name
 
-        network = self.loaded().network
+        network = self.network.network
         joints, skeleton = self._joints, skeleton_name(self._joints, network.name)
         if not len(people):
             return Keypoints(np.zeros((0, joints, 2)), np.zeros((0, joints)), skeleton)
@@ -114,7 +116,7 @@ class VitPose(OnnxBackend, KeypointDetector):
         """Return height and width of a crop, px."""
         from .top_down import size_or_default
 
-        shape = self.loaded().input_shape(self._picture())
+        shape = self.network.input_shape(self._picture())
         return size_or_default(shape[2], HEIGHT), size_or_default(shape[3], WIDTH)
 
     def _heatmaps(self, pictures: FloatArray, expert: int) -> FloatArray:
@@ -122,7 +124,7 @@ class VitPose(OnnxBackend, KeypointDetector):
 
         from .top_down import run_batches
 
-        loaded, maps = self.loaded(), self._maps()
+        loaded, maps = self.network, self._maps()
         feed: dict[str, NDArray[Any]] = {self._picture(): pictures}
         if loaded.signature == PLUS:
             feed["dataset_index"] = np.full(len(pictures), expert, np.int64)
@@ -135,10 +137,10 @@ class VitPose(OnnxBackend, KeypointDetector):
         return heatmaps
 
     def _picture(self) -> str:
-        return next(iter(self.loaded().ports.inputs))
+        return str(next(iter(self.network.ports.inputs)))
 
     def _maps(self) -> str:
-        return next(iter(self.loaded().ports.outputs))
+        return str(next(iter(self.network.ports.outputs)))
 
 
 def training_alignment(joints: int) -> PixelAlignment:

@@ -182,8 +182,8 @@ def stand_in_network() -> type[StandInNetwork]:
 def stand_in() -> Callable[[type, Callable[[Any], Iterable[StandInNetwork]]], type]:
     """``stand_in(Adapter, attach)``: the adapter with stand-ins of its networks, so that no files are needed.
 
-    ``attach(backend)`` puts the networks where the adapter's ``load`` would, and returns them; before each ``infer``
-    they are given the photo. A network can read the other arguments of that call in ``backend.estimates``, and the
+    ``attach(backend)`` returns what the adapter's ``build`` would, and the networks; before each ``infer`` they are
+    given the photo. A network can read the other arguments of that call in ``backend.estimates``, and the
     boxes of its rows by ``backend.next_boxes``. For the conformance kit::
 
         check_backend(stand_in(Adapter, attach)).raise_if_failed()
@@ -192,11 +192,11 @@ def stand_in() -> Callable[[type, Callable[[Any], Iterable[StandInNetwork]]], ty
     def make(kind: type, attach: Callable[[Any], Iterable[StandInNetwork]]) -> type:
         class StandIn(kind):  # type: ignore[misc, valid-type]
             capabilities = frozenset(getattr(kind, "capabilities", ())) | {"exact"}
-            _stand_ins: tuple[StandInNetwork, ...] = ()
+            _stand_ins: Sequence[StandInNetwork] = ()
 
-            def load(self, device: str = "cpu") -> None:
-                if not self._stand_ins:
-                    self._stand_ins = tuple(attach(self))
+            def build(self, device: str) -> Any:
+                network, *self._stand_ins = attach(self)
+                return network
 
             def close(self) -> None:
                 super().close()
@@ -247,7 +247,7 @@ def bound() -> Callable[..., Any]:
         network = StandInNetwork(inputs, outputs, answer)
         network.show(Shown(np.zeros((1, 1, 3), np.uint8), None, False))
         backend = kind(kind.Options(**options))
-        backend.bind(network)
+        backend._network = backend.match(network)
         return backend
 
     return bind
@@ -260,8 +260,7 @@ def accuracy_of(stand_in: Callable[..., type]) -> Callable[..., Mapping[str, flo
     def measure(kind: type, inputs: Ports, outputs: Ports, answer: Callable[..., Any]) -> Mapping[str, float]:
         def attach(backend: Any) -> list[StandInNetwork]:
             network = StandInNetwork(inputs, outputs, answer)
-            backend.bind(network)
-            return [network]
+            return [backend.match(network), network]
 
         report = check_backend(stand_in(kind, attach))
         report.raise_if_failed()

@@ -97,7 +97,7 @@ class TestExports:
     )
     def test_ports_are_known_by_their_names_or_their_place(self, contract_graph, takes, gives, signature):
         backend = relative(contract_graph(takes=takes, gives=gives))
-        assert backend.loaded().signature == signature
+        assert backend.network.signature == signature
         backend.infer(ramp(196, 252), Hints())
 
     def test_sky_has_no_point(self, bound):
@@ -131,7 +131,7 @@ class TestExports:
         )
         network.show("anything")
         backend = DepthAnythingMetric()
-        backend.bind(network)
+        backend._network = backend.match(network)
         depth = backend.infer(ramp(140, 280), Hints()).depth
         np.testing.assert_allclose(
             depth[:, 0], np.clip(1 + (np.arange(140) + 0.5) / 140 * 28 / 27 - 0.5 / 27, 1, 2), atol=1e-5
@@ -241,7 +241,7 @@ class TestVersion3:
         """Trap: the names are those of V2, and larger is farther."""
         image = ramp(252, 252)
         backend = relative(self.image_of_views(contract_graph))
-        assert backend.loaded().signature == VIEWS
+        assert backend.network.signature == VIEWS
         answer = backend.infer(image, Hints())
         assert answer.unknown == "scale"
         depth = normalised(image) + 4

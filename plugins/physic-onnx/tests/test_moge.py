@@ -64,7 +64,7 @@ class TestContract:
         backend = Moge2Pointmap(MogeOptions(weights=path, **options))
         backend.load()
         try:
-            return backend.runner.run(backend, image, backend.options.tokens)
+            return backend.runner.run(backend.network, image, backend.options.tokens)
         finally:
             backend.close()
 
@@ -142,8 +142,7 @@ def perfect(stand_in, stand_in_network):
         def attach(backend):
             if not networks:
                 networks.append(stand_in_network(INPUTS, outputs_called("scale"), true_answer))
-            backend.runner.open(backend, id(networks[0]), lambda: networks[0])
-            return networks
+            return [backend.runner.open(id(networks[0]), lambda: networks[0]), *networks]
 
         return stand_in(kind, attach)
 
@@ -244,8 +243,7 @@ class TestOddAnswers:
             network = stand_in_network(INPUTS, outputs_called("scale"), lambda shown, feed: answer)
 
             def attach(backend):
-                backend.runner.open(backend, id(network), lambda: network)
-                return [network]
+                return [backend.runner.open(id(network), lambda: network), network]
 
             backend = stand_in(kind, attach)()
             backend.load()

@@ -57,6 +57,12 @@ def photos():
     return np.random.default_rng(3).integers(0, 255, (3, HEIGHT, WIDTH, 3), np.uint8)
 
 
+def open_in(backend, identity, opener):
+    """Load a backend as from a file."""
+    backend.runner.members.add(backend)
+    backend._network = backend.runner.open(identity, opener)
+
+
 def backends(**options):
     """One of each interface, with settings that no other test has."""
     return Moge2Pointmap(MogeOptions(threads=7, **options)), Moge2Depth(MogeOptions(threads=7, **options))
@@ -65,7 +71,7 @@ def backends(**options):
 def test_both_interfaces_run_the_network_once_a_photo(network, opened, photos):
     pointmap, depth = backends()
     for backend in (pointmap, depth):
-        backend.runner.open(backend, "file", opened)
+        open_in(backend, "file", opened)
     inpainted, original, _ = photos
     scene = pointmap.infer(inpainted, Hints())
     pointmap.infer(original, Hints(intrinsics=scene.intrinsics))
@@ -78,10 +84,10 @@ def test_both_interfaces_run_the_network_once_a_photo(network, opened, photos):
 def test_pointmap_closed_before_the_depth_is_loaded_leaves_it_the_answers(network, opened, photos):
     """As the pipeline does where memory is low."""
     pointmap, depth = backends()
-    pointmap.runner.open(pointmap, "file", opened)
+    open_in(pointmap, "file", opened)
     pointmap.infer(photos[0], Hints())
     pointmap.close()
-    depth.runner.open(depth, "file", opened)
+    open_in(depth, "file", opened)
     depth.infer(photos[0], Hints())
     assert network.runs == 1
     assert len(opened.count) == 2
@@ -90,14 +96,14 @@ def test_pointmap_closed_before_the_depth_is_loaded_leaves_it_the_answers(networ
 def test_last_one_to_close_drops_the_network_and_the_answers(network, opened, photos):
     pointmap, depth = backends()
     for backend in (pointmap, depth):
-        backend.runner.open(backend, "file", opened)
+        open_in(backend, "file", opened)
     depth.infer(photos[0], Hints())
     pointmap.close()
     depth.infer(photos[1], Hints())
     depth.close()
     with pytest.raises(BackendError, match="not loaded"):
         depth.infer(photos[0], Hints())
-    depth.runner.open(depth, "file", opened)
+    open_in(depth, "file", opened)
     depth.infer(photos[0], Hints())
     assert network.runs == 3
     assert len(opened.count) == 2
@@ -107,7 +113,7 @@ def test_last_one_to_close_drops_the_network_and_the_answers(network, opened, ph
 
 def test_two_photos_are_kept(network, opened, photos):
     _, depth = backends()
-    depth.runner.open(depth, "file", opened)
+    open_in(depth, "file", opened)
     for photo in (*photos, photos[2], photos[1]):
         depth.infer(photo, Hints())
     assert network.runs == 3
@@ -120,15 +126,15 @@ def test_outputs_for_another_count_of_tokens_are_not_shared(network, opened, pho
     _, fine = backends(tokens=3600)
     assert coarse.runner is fine.runner
     for backend in (coarse, fine):
-        backend.runner.open(backend, "file", opened)
+        open_in(backend, "file", opened)
         backend.infer(photos[0], Hints())
     assert network.runs == 2
 
 
 def test_another_file_or_device_is_another_network(network, opened, photos):
     pointmap, depth = backends()
-    pointmap.runner.open(pointmap, ("file", "cpu"), opened)
-    depth.runner.open(depth, ("file", "cuda"), opened)
+    open_in(pointmap, ("file", "cpu"), opened)
+    open_in(depth, ("file", "cuda"), opened)
     pointmap.infer(photos[0], Hints())
     depth.infer(photos[0], Hints())
     assert (network.runs, len(opened.count)) == (2, 2)
@@ -136,7 +142,7 @@ def test_another_file_or_device_is_another_network(network, opened, photos):
 
 def test_photo_of_the_same_bytes_and_another_shape_is_another_photo(network, opened, photos):
     _, depth = backends()
-    depth.runner.open(depth, "file", opened)
+    open_in(depth, "file", opened)
     depth.infer(photos[0], Hints())
     depth.infer(photos[0].reshape(WIDTH, HEIGHT, 3), Hints())
     assert network.runs == 2
@@ -145,7 +151,7 @@ def test_photo_of_the_same_bytes_and_another_shape_is_another_photo(network, ope
 def test_threads_that_ask_the_same_wait_for_one_run(network, opened, photos):
     members = [backend for _ in range(3) for backend in backends()]
     for backend in members:
-        backend.runner.open(backend, "file", opened)
+        open_in(backend, "file", opened)
     errors = []
 
     def ask(backend):
@@ -166,7 +172,7 @@ def test_threads_that_ask_the_same_wait_for_one_run(network, opened, photos):
 def test_nothing_is_left_when_the_backends_are_gone(opened, photos):
     pointmap, depth = backends()
     runner: weakref.ref[SharedMoge] = weakref.ref(depth.runner)
-    depth.runner.open(depth, "file", opened)
+    open_in(depth, "file", opened)
     depth.infer(photos[0], Hints())
     del pointmap, depth
     gc.collect()

@@ -12,7 +12,6 @@ from physic_core.weights import read_manifest
 from physic_onnx.depth_anything import DepthAnythingMetric, DepthAnythingRelative
 from physic_onnx.depth_anything_3 import DepthAnything3
 from physic_onnx.depth_maps import fixed_input_size, mask_depth, squeeze_map
-from physic_onnx.one_graph import MANIFEST, find_graph_file
 
 ADAPTERS = (DepthAnythingMetric, DepthAnythingRelative, DepthAnything3)
 
@@ -30,12 +29,12 @@ def depth_file(graph, node, tmp_path) -> Path:
 class TestFile:
     @pytest.mark.parametrize("adapter", ADAPTERS)
     def test_default_weights_are_in_the_manifest(self, adapter):
-        assert adapter.Options().weights in read_manifest(MANIFEST)
+        assert adapter.Options().weights in read_manifest(adapter.manifest())
 
     def test_a_folder_with_one_graph_is_taken_as_that_graph(self, depth_file):
         (depth_file.parent / "notes.txt").write_text("mine")
-        assert find_graph_file(str(depth_file.parent)) == depth_file
-        assert find_graph_file(str(depth_file)) == depth_file
+        for place in (depth_file.parent, depth_file):
+            assert DepthAnything3(weights=str(place)).graph_file() == depth_file
 
     @pytest.mark.parametrize("count", [0, 2])
     def test_a_folder_without_exactly_one_graph_is_refused(self, tmp_path, count):
@@ -43,11 +42,11 @@ class TestFile:
             (tmp_path / f"{i}.onnx").write_bytes(b"0")
         held = "0.onnx, 1.onnx" if count else "none"
         with pytest.raises(BackendError, match=f"holds {held}: give the path of the file itself"):
-            find_graph_file(str(tmp_path))
+            DepthAnything3(weights=str(tmp_path)).graph_file()
 
     def test_an_unknown_name_gets_a_known_one_suggested(self):
         with pytest.raises(WeightsMissingError, match="Did you mean 'depth-anything-v2-large'"):
-            find_graph_file("depth-anything-v2-larg")
+            DepthAnything3(weights="depth-anything-v2-larg").graph_file()
 
     def test_fingerprint_is_of_the_file(self, depth_file):
         first = DepthAnythingMetric(DepthAnythingMetric.Options(weights=str(depth_file))).fingerprint()

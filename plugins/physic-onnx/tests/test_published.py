@@ -20,18 +20,16 @@ from physic_core import Reconstruction, load_backend
 from physic_core.adapters.detections import Detections
 from physic_core.cli import main
 from physic_core.weights import missing, read_manifest
-from physic_onnx.migan import MiGan
-from physic_onnx.one_graph import MANIFEST
 from physic_onnx.options import OnnxOptions
 from physic_onnx.sam2 import Sam2, Sam2Options
 from physic_onnx.sam2_networks import open_sam2
-from physic_testing import build_world, check_backend
+from physic_testing import build_world
 
 PHOTO = Path(__file__).parents[3] / "examples" / "basketball.png"
 
 
 def needs(name):
-    lack = missing(MANIFEST, name)
+    lack = missing(Sam2.manifest(), name)
     return [pytest.mark.published, pytest.mark.skipif(bool(lack), reason="; ".join(lack))]
 
 
@@ -43,8 +41,8 @@ def tool(module_at):
 def test_the_tool_fetches_what_the_lists_of_weights_name(tool):
     listed = {
         f"{name}/{file.path}": (file.bytes, file.sha256)
-        for name in ("mi-gan", "sam2-hiera-tiny")
-        for file in read_manifest(MANIFEST)[name].files
+        for name in ("sam2-hiera-tiny",)
+        for file in read_manifest(Sam2.manifest())[name].files
     }
     assert {f.target: (f.bytes, f.sha256) for files in tool.PACKAGES.values() for f in files} == listed
 
@@ -78,13 +76,13 @@ class SeesWorlds:
 def networks():
     from physic_core.weights import locate
 
-    return open_sam2(locate(MANIFEST, "sam2-hiera-tiny"), OnnxOptions(), "cpu")
+    return open_sam2(locate(Sam2.manifest(), "sam2-hiera-tiny"), OnnxOptions(), "cpu")
 
 
 @pytest.fixture
 def sam2(networks):
     backend = Sam2(Sam2Options(weights="sam2-hiera-tiny"))
-    backend._networks, backend._detector = networks, SeesWorlds()
+    backend._network = networks, SeesWorlds()
     return backend
 
 
@@ -94,7 +92,7 @@ class TestSam2:
     @pytest.mark.parametrize("name", ["stand", "group", "sit_on_chair"])
     def test_people_of_worlds_are_segmented(self, sam2, name):
         world = build_world(name, 0, (320, 240))
-        sam2._detector.boxes = world.boxes
+        sam2.network[1].boxes = world.boxes
         people = sam2.infer(world.image)
         union = people.masks.any(0) | world.masks.any(0)
         assert (people.masks.any(0) & world.masks.any(0)).sum() / union.sum() > 0.75
@@ -109,16 +107,16 @@ class TestSam2:
 
     def test_the_floor_of_a_world(self, sam2):
         world = build_world("stand", 0, (320, 240))
-        sam2._detector.boxes = world.boxes
+        sam2.network[1].boxes = world.boxes
         floor = sam2.infer(world.image).floor
         if floor is not None:  # it may also say that nothing looks like one
             assert world.floor_mask[floor].mean() > 0.7
 
 
 class TestFromPhotoToFiles:
-    """SAM 2 with the people of the embedded segmenter, and MI-GAN: all weights are of package registries."""
+    """SAM 2 with the people of the embedded segmenter: all weights are of package registries."""
 
-    pytestmark = needs("sam2-hiera-tiny") + needs("mi-gan")
+    pytestmark = needs("sam2-hiera-tiny")
 
     def test_the_masks_are_those_of_sam_2_and_the_rest_is_kept(self):
         photo = cv2.cvtColor(cv2.imread(str(PHOTO.with_name("couple.jpg"))), cv2.COLOR_BGR2RGB)
@@ -134,7 +132,7 @@ class TestFromPhotoToFiles:
     def test_a_run_writes_its_files(self, tmp_path):
         settings = [
             "segmenter.backend=sam2-onnx", "segmenter.options.weights=sam2-hiera-tiny",
-            "segmenter.options.detector=embedded", "inpainter.backend=mi-gan-onnx",
+            "segmenter.options.detector=embedded",
         ]  # fmt: skip
         sets = [word for setting in settings for word in ("--set", setting)]
         photo, out = str(PHOTO.with_name("couple.jpg")), str(tmp_path / "out")
@@ -143,7 +141,7 @@ class TestFromPhotoToFiles:
         found = Reconstruction.load(out)
         assert len(found.people) == 2
         used = {s.provenance.interface: s.provenance.backend for s in found.stages if s.provenance}
-        assert (used["segmenter"], used["inpainter"]) == ("sam2-onnx", "mi-gan-onnx")
+        assert used["segmenter"] == "sam2-onnx"
 
 
 def test_the_embedded_detector_needs_its_plugin(monkeypatch):
@@ -151,10 +149,3 @@ def test_the_embedded_detector_needs_its_plugin(monkeypatch):
     assert not any("embedded" in text for text in backend.missing())
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-onnx")
     assert any("physic-embedded" in text for text in backend.missing())
-
-
-class TestMiGan:
-    pytestmark = needs("mi-gan")
-
-    def test_conformance(self):
-        check_backend(MiGan, options={"threads": 1}).raise_if_failed()

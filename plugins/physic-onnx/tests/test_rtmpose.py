@@ -166,8 +166,7 @@ def stand_in_rtmpose(stand_in: Any, stand_in_network: Any) -> Any:
                 },
                 answer,
             )
-            backend.bind(network)
-            return [network]
+            return [backend.match(network), network]
 
         return stand_in(RtmPose, attach)  # type: ignore[no-any-return]
 

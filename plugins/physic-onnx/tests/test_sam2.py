@@ -520,9 +520,8 @@ def sam2(stand_in, stand_in_network):
         def attach(backend):
             encoder, decoder = networks_of(signature, stand_in_network, decode(signature))
             seer = detector(stand_in_network)
-            backend._networks, backend._detector = Sam2Networks(encoder, decoder), Detector(seer)
             backend.encoder = encoder
-            return encoder, decoder, seer
+            return (Sam2Networks(encoder, decoder), Detector(seer)), encoder, decoder, seer
 
         return stand_in(Sam2, attach)
 

@@ -201,5 +201,5 @@ class TestFiles:
         (answer,) = open_network(path, OnnxOptions(), "cpu").run({"x": np.zeros(4)}, ["y"])
         np.testing.assert_array_equal(answer, [0, 1, 2, 3])
         (tmp_path / location).unlink()
-        with pytest.raises(BackendError, match=f"weights in other files, and {location} is not in {tmp_path}"):
+        with pytest.raises(BackendError, match=(tmp_path / location).name):
             open_network(path, OnnxOptions(), "cpu")

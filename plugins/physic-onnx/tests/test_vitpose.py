@@ -170,8 +170,7 @@ def stand_in_vitpose(stand_in: Any, stand_in_network: Any) -> Any:
                 {"output_0": ("float32", ("b", count, 64, 48))},
                 answer,
             )
-            backend.bind(network)
-            return [network]
+            return [backend.match(network), network]
 
         return stand_in(VitPose, attach)  # type: ignore[no-any-return]
 

@@ -47,7 +47,7 @@ def test_the_exported_class_answers_as_transformers_own_pipeline(network: tuple[
     boxes = np.array([[110.0, 90.0, 200.0, 250.0], [100.0, 110.0, 260.0, 230.0], [150.0, 80.0, 210.0, 250.0]])
     backend = VitPose(VitPose.Options(weights=str(path)))
     backend.load()
-    assert backend.loaded().signature == (PLUS if plus else HUB)
+    assert backend.network.signature == (PLUS if plus else HUB)
     found = backend.infer(image, People(np.zeros((3, 400, 420), bool), boxes, np.ones(3)))
 
     # Their boxes are x y w h in coordinates whose integers are pixels' edges.
