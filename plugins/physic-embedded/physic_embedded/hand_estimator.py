@@ -12,9 +12,10 @@ from physic_core.types import Hands
 from physic_embedded.body_fit.fingers import RestHand, fit_fingers
 from physic_embedded.networks.crops import ImagePyramid
 from physic_embedded.networks.hand_landmarks import find_hand, hand_search_square
-from physic_embedded.networks.sessions import PackagedNetworks
+from physic_embedded.networks.sessions import PackagedBackend
 
 if TYPE_CHECKING:
+    from physic_core.adapters.onnx_sessions import OnnxSession
     from physic_core.types import FloatArray, Keypoints, People, UInt8Array
     from physic_embedded.networks.crops import RotatedSquare
     from physic_embedded.networks.hand_landmarks import HandLandmarks
@@ -37,7 +38,7 @@ class EmbeddedHandsOptions(Options):
     threads: int = Field(default=2, ge=0, le=256, description="Threads inside one operator; 0 lets onnxruntime choose.")
 
 
-class EmbeddedHands(HandEstimator):
+class EmbeddedHands(PackagedBackend, HandEstimator):
     """Hand estimator: detects MediaPipe hand landmarks near the wrist keypoints, and fits finger rotations to them.
 
     The wrist tells the side of the hand. A hand that looks like one of the other side belongs to another person and is
@@ -46,32 +47,27 @@ class EmbeddedHands(HandEstimator):
 
     Options: ClassVar[type[Options]] = EmbeddedHandsOptions
     options: EmbeddedHandsOptions
+    networks = ("palm_detection_full", "hand_landmark_full")
 
     def __init__(self, options: EmbeddedHandsOptions | None = None) -> None:
         super().__init__(options)
-        self._networks = PackagedNetworks("palm_detection_full", "hand_landmark_full")
         self._rest: dict[str, RestHand] = {}
 
-    def load(self, device: str = "cpu") -> None:
-        """Open the two networks and compute the rest pose of the body's hands.
-
-        Raises:
-            DeviceError: the device is not there.
-            BodyModelError: the body is not there.
-        """
-        self._networks.open(device, self.options.threads)
-        self._rest = self._rest or _rest_hands(self.options.body)
+    def build(self, device: str) -> dict[str, OnnxSession]:
+        """Open the two networks and compute the rest pose of the body's hands."""
+        self._rest = _rest_hands(self.options.body)
+        return super().build(device)
 
     def close(self) -> None:
         """Close the networks and release the body model."""
-        self._networks.close()
+        super().close()
         self._rest = {}
 
     def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
         """Return the finger rotations of N people; confidence is 0 for a hand without reliable landmarks."""
         rotvecs = np.zeros((len(people), 2, 15, 3), np.float32)
         confidence = np.zeros((len(people), 2), np.float32)
-        detector, landmarker = self._networks["palm_detection_full"], self._networks["hand_landmark_full"]
+        detector, landmarker = self.network["palm_detection_full"], self.network["hand_landmark_full"]
         picture = ImagePyramid.from_image(image)
         row = {name: j for j, name in enumerate(keypoints.joint_set.names)}
         has_arms = all(f"{side}_{joint}" in row for joint in ("shoulder", "elbow", "wrist", "hip") for side in SIDES)

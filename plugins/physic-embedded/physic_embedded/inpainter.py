@@ -9,7 +9,7 @@ from pydantic import Field
 
 from physic_core.adapters.inpainting import inpaint_masked
 from physic_core.interfaces import Inpainter, Options
-from physic_embedded.networks.sessions import PackagedNetworks
+from physic_embedded.networks.sessions import PackagedBackend
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, UInt8Array
@@ -33,7 +33,7 @@ class MiGanOptions(Options):
     threads: int = Field(default=2, ge=0, le=256, description="Threads inside one operator; 0 lets onnxruntime choose.")
 
 
-class MiGan(Inpainter):
+class MiGan(PackagedBackend, Inpainter):
     """MI-GAN inpainter for 512 px, trained on Places2. It runs on a crop around the hole, for any photo size.
 
     The fill is sharp for holes up to about 512 px across and gets blurred above that. Where little but hole is left, it
@@ -44,21 +44,7 @@ class MiGan(Inpainter):
     Options: ClassVar[type[Options]] = MiGanOptions
     options: MiGanOptions
 
-    def __init__(self, options: MiGanOptions | None = None) -> None:
-        super().__init__(options)
-        self._networks = PackagedNetworks("migan_512_places2")
-
-    def load(self, device: str = "cpu") -> None:
-        """Open the network.
-
-        Raises:
-            DeviceError: the device is not there.
-        """
-        self._networks.open(device, self.options.threads)
-
-    def close(self) -> None:
-        """Close the network."""
-        self._networks.close()
+    networks = ("migan_512_places2",)
 
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
         """Fill the mask (H, W), True = remove, in an image (H, W, 3); pixels outside the mask stay identical.
@@ -78,7 +64,7 @@ class MiGan(Inpainter):
         small = np.rint(cv2.resize(shown, size, interpolation=cv2.INTER_LINEAR))
         small_known = cv2.resize(known, size, interpolation=cv2.INTER_NEAREST).astype(np.float32)
         inputs = {"image": np.ascontiguousarray(small.transpose(2, 0, 1)[None]), "known": small_known[None, None]}
-        (made,) = self._networks["migan_512_places2"].run(["filled"], inputs)
+        (made,) = self.network["migan_512_places2"].run(["filled"], inputs)
         planes = np.ascontiguousarray(made[0].transpose(1, 2, 0))
         large = cv2.resize(planes, known.shape[::-1], interpolation=cv2.INTER_LINEAR)
         soft = cv2.dilate(known, np.ones((3, 3), np.uint8)).astype(np.float32) / 255

@@ -14,13 +14,14 @@ from physic_core.types import Keypoints
 from physic_embedded.networks.blazepose import BLAZEPOSE_SKELETON
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare
 from physic_embedded.networks.pose import person_square, predict_pose
-from physic_embedded.networks.sessions import PackagedNetworks
+from physic_embedded.networks.sessions import PackagedBackend
 from physic_embedded.segmentation.cut_heads import doubt_cut_heads
 from physic_embedded.segmentation.people import detect_people
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from physic_core.adapters.onnx_sessions import OnnxSession
     from physic_core.types import BoolArray, FloatArray, People, UInt8Array
     from physic_embedded.networks.pose import Pose
 
@@ -38,7 +39,7 @@ class EmbeddedKeypointsOptions(Options):
     threads: int = Field(default=2, ge=0, le=256, description="Threads inside one operator; 0 lets onnxruntime choose.")
 
 
-class EmbeddedKeypoints(KeypointDetector):
+class EmbeddedKeypoints(PackagedBackend, KeypointDetector):
     """Keypoint detector with BlazePose heavy: skeleton "blazepose33" with world landmarks.
 
     People of the embedded segmenter carry these joints already. For people of another segmenter, the pose that lies
@@ -48,26 +49,14 @@ class EmbeddedKeypoints(KeypointDetector):
     Options: ClassVar[type[Options]] = EmbeddedKeypointsOptions
     options: EmbeddedKeypointsOptions
 
-    def __init__(self, options: EmbeddedKeypointsOptions | None = None) -> None:
-        super().__init__(options)
-        self._networks = PackagedNetworks("pose_detection", "pose_landmark_heavy")
-        self._device = ""
+    networks = ("pose_detection", "pose_landmark_heavy")
 
-    def load(self, device: str = "cpu") -> None:
-        """Set the device; the two networks are opened for the first people without joints.
-
-        Raises:
-            DeviceError: the device is not there.
-        """
+    def build(self, device: str) -> dict[str, OnnxSession]:
+        """Check the device; the two networks are opened for the first people without joints."""
         from onnxruntime import get_available_providers
 
         select_provider("auto", device, get_available_providers())
-        self._device = device
-
-    def close(self) -> None:
-        """Close the networks."""
-        self._networks.close()
-        self._device = ""
+        return {}
 
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
         """Return 33 joints of each of N people; confidence is 0 for a person without a detected pose."""
@@ -79,8 +68,8 @@ class EmbeddedKeypoints(KeypointDetector):
             and len(seen.points) == len(people)
         ):
             return seen
-        if self._device:
-            self._networks.open(self._device, self.options.threads)
+        if not self.network:
+            self._network = super().build(self.device)
         picture = ImagePyramid.from_image(image)
         looks = [self._look(picture, mask, box) for mask, box in zip(people.masks, people.boxes, strict=True)]
         found = keypoints_from_poses([pose for pose, _ in looks], *image.shape[:2])
@@ -101,11 +90,11 @@ class EmbeddedKeypoints(KeypointDetector):
         left, top = np.maximum(np.floor(center - side), 0).astype(int)
         right, bottom = np.ceil(center + side).astype(int) + 1
         near = picture.levels[0][top:bottom, left:right]
-        detector, pyramid = self._networks["pose_detection"], ImagePyramid.from_image(near)
+        detector, pyramid = self.network["pose_detection"], ImagePyramid.from_image(near)
         for d in detect_people(detector, pyramid, _LOWEST_SCORE, _LOWEST_SCORE, ())[:3]:
             hip, end = d.keypoints[:2] + np.array([left, top])
             starts.append((person_square(hip, end), 2))
-        network = self._networks["pose_landmark_heavy"]
+        network = self.network["pose_landmark_heavy"]
         looks = [predict_pose(network, picture, square, passes) for square, passes in starts]
         return max(((pose, _fit(pose, mask)) for pose in looks), key=lambda look: look[1])
 

@@ -15,7 +15,7 @@ from physic_core.interfaces import Options, RelativePointmap
 from physic_core.types import CameraTrust, Intrinsics, Pointmap
 from physic_embedded.networks.depth_anything import predict_disparity
 from physic_embedded.networks.line_segments import detect_line_segments, segments_outside_mask
-from physic_embedded.networks.sessions import Products, graph_name, open_packaged_session
+from physic_embedded.networks.sessions import PackagedBackend, Products, open_packaged_session
 from physic_embedded.single_view.disparity_floor import fit_disparity_floor
 from physic_embedded.single_view.disparity_offset import disparity_at_infinity
 from physic_embedded.single_view.flying_pixels import flying_pixels
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.floating]
 
+_DEPTH, _LINES = "depth_anything_v2_vits", "mlsd_large_512"
 _MIN_GAP = 0.002  # ranges of the disparity between infinity and the farthest point, so that depth stays finite
 _SKY_DISPARITY = 0.004  # ranges: the network answers 0 for the sky
 _MIN_RELIABLE_GAP = 0.01  # ranges: farther than this the network's own noise is larger than what it says
@@ -69,7 +70,7 @@ class EmbeddedPointmapOptions(Options):
     threads: int = Field(2, ge=0, le=256, description="threads of the network; 0 leaves the choice to onnxruntime")
 
 
-class EmbeddedPointmap(RelativePointmap):
+class EmbeddedPointmap(PackagedBackend, RelativePointmap):
     """Relative point map by Depth Anything V2.
 
     The first call, for the inpainted photo, finds the focal length and the disparity at infinity. A call with
@@ -79,20 +80,14 @@ class EmbeddedPointmap(RelativePointmap):
     Options: ClassVar[type[Options]] = EmbeddedPointmapOptions
     options: EmbeddedPointmapOptions
 
-    _depth: OnnxSession | None = None
-    _lines: OnnxSession | None = None
+    networks = (_DEPTH,)
 
-    def load(self, device: str = "cpu") -> None:
+    def build(self, device: str) -> dict[str, OnnxSession]:
         """Open the depth network and, if ``focal_from_edges`` is set, the line segment network."""
-        if self._depth is None:
-            graph = graph_name("depth_anything_v2_vits", self.options.products, device)
-            self._depth = open_packaged_session(graph, self.options.threads, device)
-        if self._lines is None and self.options.focal_from_edges:
-            self._lines = open_packaged_session("mlsd_large_512", self.options.threads, device)
-
-    def close(self) -> None:
-        """Close both networks."""
-        self._depth = self._lines = None
+        lines = {}
+        if self.options.focal_from_edges:
+            lines = {_LINES: open_packaged_session(_LINES, self.options.threads, device)}
+        return super().build(device) | lines
 
     def infer(self, image: NDArray[np.uint8], hints: Hints) -> Pointmap:
         """Return points whose inverse depth is known up to scale and shift, with median depth 1.
@@ -102,13 +97,11 @@ class EmbeddedPointmap(RelativePointmap):
         Raises:
             BackendError: the networks are not loaded.
         """
-        if self._depth is None:
-            raise BackendError("the embedded point map is not loaded: call load() before infer()")
         height, width = image.shape[:2]
         short_side = self.options.short_side
         if hints.scene is not None:
             short_side = min(short_side, self.options.photo_short_side)
-        raw = predict_disparity(self._depth, image, short_side, self.options.max_tokens)
+        raw = predict_disparity(self.network[_DEPTH], image, short_side, self.options.max_tokens)
         camera, gravity, notes = self._camera(image, hints)
         low = np.percentile(raw, 1)
         span = max(float(np.percentile(raw, 99) - low), 1e-6)
@@ -145,9 +138,9 @@ class EmbeddedPointmap(RelativePointmap):
         height, width = image.shape[:2]
         camera, notes = known_camera(hints, image), []
         segments = None
-        if self._lines is not None and hints.scene is None:
+        if self.options.focal_from_edges and hints.scene is None:
             # Inpainted pixels have lines of their own, which a hole one pixel wider changes.
-            segments = detect_line_segments(self._lines, image if hints.photo is None else hints.photo)
+            segments = detect_line_segments(self.network[_LINES], image if hints.photo is None else hints.photo)
             if hints.hole is not None:
                 segments = segments_outside_mask(segments, hints.hole)
         if camera is None:

@@ -15,7 +15,7 @@ from physic_core.types import People
 from physic_embedded.keypoint_detector import keypoints_from_poses
 from physic_embedded.networks.ade20k import label_surfaces
 from physic_embedded.networks.mobile_sam import embed_image
-from physic_embedded.networks.sessions import PackagedNetworks, Products
+from physic_embedded.networks.sessions import PackagedBackend, Products
 from physic_embedded.segmentation.chosen import Scenery, choose_poses
 from physic_embedded.segmentation.cut_heads import doubt_cut_heads
 from physic_embedded.segmentation.floor_mask import add_labelled_floor, floor_mask
@@ -68,7 +68,7 @@ class EmbeddedSegmenterOptions(Options):
     threads: int = Field(default=2, ge=0, le=256, description="Threads inside one operator; 0 lets onnxruntime choose.")
 
 
-class EmbeddedSegmenter(Segmenter):
+class EmbeddedSegmenter(PackagedBackend, Segmenter):
     """Segmenter: the single-person BlazePose detects people, MobileSAM predicts the masks of people and floor.
 
     Also returns the joints (``People.keypoints``, "blazepose33", with world landmarks) and the surfaces that DeepLabv3
@@ -78,22 +78,7 @@ class EmbeddedSegmenter(Segmenter):
     Options: ClassVar[type[Options]] = EmbeddedSegmenterOptions
     options: EmbeddedSegmenterOptions
     takes_prompt: ClassVar[bool] = True
-
-    def __init__(self, options: EmbeddedSegmenterOptions | None = None) -> None:
-        super().__init__(options)
-        self._networks = PackagedNetworks(*NETWORKS)
-
-    def load(self, device: str = "cpu") -> None:
-        """Open the networks.
-
-        Raises:
-            DeviceError: the device is not there.
-        """
-        self._networks.open(device, self.options.threads, self.options.products)
-
-    def close(self) -> None:
-        """Close the networks."""
-        self._networks.close()
+    networks = NETWORKS
 
     def infer(self, image: UInt8Array, prompt: PeoplePrompt | None = None) -> People:
         """Segment the people and the floor of an image (H, W, 3); people are sorted by score.
@@ -103,7 +88,7 @@ class EmbeddedSegmenter(Segmenter):
         Raises:
             NoPersonError: no pose is found for a prompt, or two prompts hit the same person.
         """
-        networks, options = self._networks, self.options
+        networks, options = self.network, self.options
         found, unposed = detect_poses(
             networks["yolox_nano"],
             networks["pose_detection"],
@@ -147,11 +132,11 @@ class EmbeddedSegmenter(Segmenter):
         """Return the semantic labels outside of the people (H, W), if ``surfaces`` is set."""
         if not self.options.surfaces:
             return None
-        return label_surfaces(self._networks["deeplabv3_mnv2_ade20k"], image, people)
+        return label_surfaces(self.network["deeplabv3_mnv2_ade20k"], image, people)
 
     def _masks(self, embedding: ImageEmbedding, poses: list[Pose]) -> BoolArray:
         """Return the masks (N, H, W) of people with poses."""
-        decoder = self._networks["mobilesam_decoder"]
+        decoder = self.network["mobilesam_decoder"]
         alone = [person_mask(decoder, embedding, p, [q for q in poses if q is not p]) for p in poses]
         return resolve_overlaps(alone, embedding)
 

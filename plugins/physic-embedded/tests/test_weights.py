@@ -107,15 +107,14 @@ def test_the_memory_of_closed_networks_is_returned_to_the_system() -> None:
 from pathlib import Path
 import numpy as np
 from physic_core.adapters.onnx_sessions import release_memory
-from physic_embedded.networks.sessions import PackagedNetworks
+from physic_embedded.networks.sessions import open_packaged_session
 
 def resident_mb():
     return int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 1e6
 
-networks = PackagedNetworks("depth_anything_v2_vits")
-networks.open("cpu", 1)
-networks["depth_anything_v2_vits"].run(["depth"], {"image": np.zeros((1, 3, 518, 518), np.float32)})
-networks.close()
+network = open_packaged_session("depth_anything_v2_vits", 1)
+network.run(["depth"], {"image": np.zeros((1, 3, 518, 518), np.float32)})
+del network
 before = resident_mb()
 release_memory()
 print(before - resident_mb())

@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from physic_core.adapters import onnx_sessions
+from physic_core.adapters.networks import NetworkBackend
 from physic_core.errors import BackendError
 
 if TYPE_CHECKING:
@@ -22,36 +23,23 @@ Products = Literal["auto", "int8", "float32"]
 _BROKEN = "Install physic-embedded again from its wheel."
 
 
-class PackagedNetworks:
-    """Packaged networks of one backend, open or closed.
+class PackagedBackend(NetworkBackend):
+    """Base class of a backend that runs packaged networks; in the list of base classes, it precedes the interface.
 
-    Args:
-        names: file names without ``.onnx``.
+    Its options have ``threads``, and ``products`` if the arithmetic can be chosen.
+
+    Attributes:
+        networks: file names without ``.onnx``.
     """
 
-    def __init__(self, *names: str) -> None:
-        self.names = names
-        self._sessions: dict[str, OnnxSession] = {}
+    networks: ClassVar[tuple[str, ...]]
+    weight_options = ()
 
-    def open(self, device: str, threads: int, products: Products = "auto") -> None:
-        """Open every network on a device, unless they are open; see :func:`open_packaged_session`."""
-        if not self._sessions:
-            graphs = {name: graph_name(name, products, device) for name in self.names}
-            self._sessions = {name: open_packaged_session(graph, threads, device) for name, graph in graphs.items()}
-
-    def close(self) -> None:
-        """Close every network."""
-        self._sessions = {}
-
-    def __getitem__(self, name: str) -> OnnxSession:
-        """Return an open network.
-
-        Raises:
-            BackendError: it is not open.
-        """
-        if name not in self._sessions:
-            raise BackendError(f"network {name!r} is not loaded: call load() before infer()")
-        return self._sessions[name]
+    def build(self, device: str) -> dict[str, OnnxSession]:
+        """Open every network, and return the sessions by name; see :func:`open_packaged_session`."""
+        options: Any = self.options
+        graphs = {name: graph_name(name, getattr(options, "products", "auto"), device) for name in self.networks}
+        return {name: open_packaged_session(graph, options.threads, device) for name, graph in graphs.items()}
 
 
 def graph_name(name: str, products: Products, device: str) -> str:
