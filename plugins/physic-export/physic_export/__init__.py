@@ -72,7 +72,7 @@ def physic_exporters() -> list[ExporterRecord]:
         ExporterRecord(
             "nerfstudio",
             (".json",),
-            "physic_export.nerfstudio:export_nerfstudio",
+            "physic_export.depth:export_nerfstudio",
             "nerfstudio, Gaussian splatting",
             "transforms.json with photo, depth, mask and camera",
             ups=("z", "y", "camera"),
@@ -82,7 +82,7 @@ def physic_exporters() -> list[ExporterRecord]:
         ExporterRecord(
             "obj",
             (".obj",),
-            "physic_export.obj:export_obj",
+            "physic_export.meshes:export_obj",
             "MeshLab, Blender, 3ds Max",
             "meshes of scene and people with textures and normals",
             ups=("y", "z", "camera"),
@@ -92,7 +92,7 @@ def physic_exporters() -> list[ExporterRecord]:
         ExporterRecord(
             "ply",
             (".ply",),
-            "physic_export.ply:export_ply",
+            "physic_export.meshes:export_ply",
             "MeshLab, CloudCompare, Open3D",
             "all scene points, meshes, colours, normals, contact",
             ups=("y", "z", "camera"),

@@ -16,7 +16,7 @@ from physic_core.body.joints import JOINT_INDEX
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.rig import rigs
 from physic_export.humanoid import FLAT_M, body_segments
-from physic_export.t_pose import skinned
+from physic_export.skeleton import skinned
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

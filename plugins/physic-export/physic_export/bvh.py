@@ -11,8 +11,7 @@ import torch
 
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.visual.rig import Rig, rigs
-from physic_export.bone_names import bone_names
-from physic_export.t_pose import t_pose
+from physic_export.skeleton import bone_names, t_pose
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

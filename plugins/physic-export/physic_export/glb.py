@@ -15,9 +15,8 @@ from physic_core.visual.glb import Appearance, body_material, build_glb, glb_not
 from physic_core.visual.palette import BODY_RGB
 from physic_core.visual.rig import rigs
 from physic_core.visual.textures.pictures import encode_image
-from physic_export.bone_names import bone_names
+from physic_export.skeleton import bone_names, t_pose
 from physic_export.skins import Skins, skins_of
-from physic_export.t_pose import t_pose
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

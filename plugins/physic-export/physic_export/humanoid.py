@@ -14,7 +14,6 @@ import roma
 import torch
 
 from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES, PARENTS
-from physic_export.joint_limits import LIMITS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,6 +22,82 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
     Mesh = tuple[Array, NDArray[np.int64]]
+
+STRENGTH_NM_PER_KG: dict[str, float] = {
+    "hip": 200 / 45,
+    "knee": 150 / 45,
+    "ankle": 90 / 45,
+    "foot": 0.3,
+    "spine1": 200 / 45,
+    "spine2": 200 / 45,
+    "spine3": 200 / 45,
+    "neck": 50 / 45,
+    "head": 50 / 45,
+    "collar": 100 / 45,
+    "shoulder": 100 / 45,
+    "elbow": 60 / 45,
+    "wrist": 0.3,
+}
+"""Largest torque of each hinge of a joint. The source has no toes, and rigid wrists: theirs, about 20 Nm of an adult,
+carry the forefoot of a person who stands, and 10 kg in a hand. The collar bone carries the arm, and has its torque.
+
+Source: the torque limits and the ratio of the gains of the humanoid of X. B. Peng et al., DeepMimic, ACM Trans. Graph.
+37.4 (2018), data/characters/humanoid3d.txt and data/controllers/humanoid3d_ctrl.txt of its code. That body has 45 kg;
+a torque is its share of the mass here.
+"""
+
+FULL_TORQUE_RAD = 0.05
+"""Error of the angle at which an actuator gives its whole torque: a pose that it has the strength for is held within
+3 degrees. The source's gains, with 0.2 to 0.4 rad, let a bent trunk sink by 20."""
+
+RESPONSE_S = 0.1
+"""Ratio of damping to stiffness of an actuator, in which an error falls to 37 %: that of the source."""
+
+
+def max_torque(joint: str, mass_kg: float) -> float:
+    """Return the largest torque, Nm, of a joint such as "left_elbow" of a person of a mass."""
+    return STRENGTH_NM_PER_KG[joint.rpartition("_")[2]] * mass_kg
+
+
+_BACK = (("x", -10.0, 30.0), ("z", -10.0, 10.0), ("y", -10.0, 10.0))  # CFR, a third for each of its three joints
+_NECK = (("x", -22.5, 22.5), ("z", -22.5, 22.5), ("y", -40.0, 40.0))  # CFR, half for each of its two joints
+
+LIMITS: dict[str, tuple[tuple[str, float, float], ...]] = {
+    "hip": (("x", -125, 15), ("z", -30, 45), ("y", -45, 45)),  # Merck; Castori
+    "knee": (("x", 0, 155),),
+    "ankle": (("x", -20, 50), ("z", -35, 25), ("y", -20, 20)),  # Merck; about y, which no source has, a small play
+    "foot": (("x", -80, 30),),  # Merck
+    "spine1": _BACK,
+    "spine2": _BACK,
+    "spine3": _BACK,
+    "neck": _NECK,
+    "head": _NECK,
+    "collar": (("z", -5, 45), ("y", -15, 15), ("x", -45, 0)),  # Dutton
+    "shoulder": (("z", -90, 90), ("y", -135, 45), ("x", -90, 70)),  # AAOS; y Dutton
+    "elbow": (("y", -155, 0), ("x", -80, 80)),  # x AAOS
+    "wrist": (("z", -80, 70), ("y", -20, 30)),  # AAOS
+}
+"""Hinges of each joint of the left side, in their order, with limits in degrees, 0 in the T-pose (x left, y up, z
+forward); those of the right side are mirrored. A pose beyond a limit widens it.
+
+Sources, of adults without disease:
+
+- AAOS: American Academy of Orthopaedic Surgeons, Joint Motion (1965), as quoted in table A.1 of C. C. Norkin and
+  D. J. White, Measurement of Joint Motion: shoulder 180 of abduction, 70 and 90 of rotation; forearm 80 and 80; wrist
+  80 of flexion, 70 of extension, 20 and 30 sideways.
+- Merck: Merck Manual, Normal Values for Range of Motion of Joints: hip 125 of flexion, 15 of extension, 45 of
+  abduction, 45 and 45 of rotation; ankle 20 of dorsiflexion, 50 of plantar flexion; foot 35 of inversion, 25 of
+  eversion; toes 30 of flexion, 80 of extension.
+- Castori: M. Castori, ISRN Dermatology 2012, 751768, table 8: hip 30 of adduction.
+- CFR: 38 CFR 4.71a, note 2 of the rating formula of the spine: neck 45 of flexion, extension and to each side, 80 of
+  rotation; back 90 of flexion, 30 of extension, to each side, and of rotation.
+- Dutton: AccessPhysiotherapy, Range of Motion for Diarthrodial Joints: clavicle 45 up, 5 down, 15 to the front and
+  back, 45 of rotation; shoulder 135 and 45 in the horizontal plane.
+
+Knees and elbows bend up to the bound of the reconstruction, 155 degrees; passive bends of deep squats are beyond the
+135 of AAOS and the 130 of Merck.
+"""
+
 
 NUM_BODIES = 22
 """Pelvis and the 21 joints of the body; fingers belong to the wrist, jaw and eyes to the head."""

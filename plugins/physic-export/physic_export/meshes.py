@@ -1,22 +1,28 @@
-"""Coloured meshes of people and scene, which several formats share."""
+"""Coloured meshes of people and scene, and the formats of meshes: PLY and OBJ.
+
+PLY has every valid point of the scene; OBJ has meshes with textures.
+"""
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core import ExportedFiles, ExportRequest
 from physic_core.geometry.upright import transform_points
-from physic_core.visual.palette import contact_legend
+from physic_core.visual.palette import BODY_RGB, contact_legend
 from physic_core.visual.surface import depth_limit, mesh_scene, unit_normals
+from physic_core.visual.textures.pictures import encode_image
+from physic_export.skins import Skins, skins_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.types import BoolArray, Reconstruction, UInt8Array
-    from physic_core.visual.export.request import ExportRequest
-    from physic_export.skins import Skins
+    from physic_core.types import BoolArray, Plane, Reconstruction, UInt8Array
+    from physic_core.visual.export.request import ExportFrame
 
 
 @dataclass(frozen=True)
@@ -78,3 +84,168 @@ def scene_mesh(request: ExportRequest, max_vertices: int = 130_000) -> ColoredMe
         np.zeros(len(surface.vertices), bool),
         np.stack([(columns + 0.5) / scene.valid.shape[1], 1 - (rows + 0.5) / scene.valid.shape[0]], 1),
     )
+
+
+_VERTEX = np.dtype(
+    [
+        *((name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")),
+        *((name, "u1") for name in ("red", "green", "blue", "contact")),
+        ("object", "<i4"),
+    ]
+)
+_FACE = np.dtype([("count", "u1"), ("vertex_indices", "<i4", (3,))])
+_PROPERTY = {"f4": "float", "u1": "uchar", "i4": "int"}
+
+
+def export_ply(request: ExportRequest) -> ExportedFiles:
+    """Return one binary PLY file; its vertices have ``object``: -1 is the scene, 0, 1, ... are people."""
+    skins = skins_of(request)
+    parts = [(-1, scene_points(request))] if request.scene else []
+    parts += list(zip(request.people, person_meshes(request, skins), strict=True))
+    vertices, faces, start = [], [], 0
+    for number, mesh in parts:
+        rows = np.zeros(len(mesh.vertices), _VERTEX)
+        for axis, name in enumerate("xyz"):
+            rows[name], rows[f"n{name}"] = mesh.vertices[:, axis], mesh.normals[:, axis]
+        rows["red"], rows["green"], rows["blue"] = mesh.colors.T
+        rows["contact"], rows["object"] = mesh.contact, number
+        vertices.append(rows)
+        triangles = np.zeros(len(mesh.faces), _FACE)
+        triangles["count"], triangles["vertex_indices"] = 3, mesh.faces + start
+        faces.append(triangles)
+        start += len(rows)
+    points = np.concatenate(vertices) if vertices else np.zeros(0, _VERTEX)
+    triangles = np.concatenate(faces) if faces else np.zeros(0, _FACE)
+    header = _header(request, skins, len(points), len(triangles))
+    return ExportedFiles(
+        {f"{request.stem}{request.suffix}": header + points.tobytes() + triangles.tobytes()}, skins.notes
+    )
+
+
+def scene_points(request: ExportRequest) -> ColoredMesh:
+    """Return all valid points of the scene, and the faces between neighbours on one surface."""
+    scene = request.result.scene
+    matrix = request.frame.from_camera
+    height, width = scene.valid.shape
+    usable = scene.valid & np.isfinite(scene.points).all(-1)
+    surface = mesh_scene(scene, depth_limit(request.result), height * width)
+    number = np.cumsum(usable.reshape(-1)) - 1
+    columns, rows = surface.pixels.T
+    faces = number[rows * width + columns][surface.faces] if len(surface.faces) else np.zeros((0, 3), np.int64)
+    return ColoredMesh(
+        "scene",
+        transform_points(matrix, scene.points[usable]),
+        faces,
+        (np.asarray(scene.normals[usable], np.float64) @ matrix[:3, :3].T).astype(np.float32),
+        scene.colors[usable],
+        np.zeros(int(usable.sum()), bool),
+    )
+
+
+def _header(request: ExportRequest, skins: Skins, vertices: int, faces: int) -> bytes:
+    frame, floor = request.frame, request.result.scene.floor
+    plane = "none" if floor is None else _plane(frame, floor)
+    lines = [
+        "ply",
+        "format binary_little_endian 1.0",
+        "comment PhySIC; unit: metre",
+        f"comment axes: {frame.axes}",
+        f"comment floor: {plane}",
+        "comment object: -1 scene, 0 and up people; contact: 1 touches; normals of the scene are 0 where unknown",
+        *(f"comment contact: {line}" for line in contact_lines(request.result, skins)),
+        f"element vertex {vertices}",
+        *(f"property {_PROPERTY[dtype.str[1:]]} {name}" for name, (dtype, *_) in _VERTEX.fields.items()),  # type: ignore[union-attr]
+        f"element face {faces}",
+        "property list uchar int vertex_indices",
+        "end_header\n",
+    ]
+    return "\n".join(lines).encode("ascii")
+
+
+def _plane(frame: ExportFrame, floor: Plane) -> str:
+    """Return the floor as an equation in the frame."""
+    normal = frame.from_camera[:3, :3] @ np.asarray(floor.normal, np.float64)
+    offset = floor.offset - float(normal @ frame.from_camera[:3, 3])
+    a, b, c = (round(float(v), 6) + 0.0 for v in normal)
+    return f"{a:g} x + {b:g} y + {c:g} z + {round(offset, 6) + 0.0:g} = 0"
+
+
+_MATERIAL = "newmtl {name}\nKa 0 0 0\nKd {color}\nKs 0 0 0\nillum 1\n"
+
+
+def export_obj(request: ExportRequest) -> ExportedFiles:
+    """Return an OBJ file, its materials (.mtl), and their pictures.
+
+    There is an object for the scene and for each person; vertices have r, g, b in 0-1. A person has the materials
+    ``person_0_photo`` (with the pictures of the photo's colours, and of where they are filled), ``person_0_neutral``
+    and ``person_0_contact``; the option ``skin`` says which one is used.
+    """
+    skins = skins_of(request)
+    files = skins.pictures()
+    scene = scene_mesh(request)
+    text = io.StringIO()
+    text.write(f"# PhySIC; unit: metre; axes: {request.frame.axes}\n# v: x y z red green blue (sRGB, 0 to 1)\n")
+    text.writelines(f"# contact: {line}\n" for line in contact_lines(request.result, skins))
+    text.write(f"mtllib {request.stem}.mtl\n")
+    at = (1, 1)
+    if scene is not None and scene.uv is not None:
+        files[f"{request.stem}_scene.jpg"] = encode_image(request.result.scene.colors, "JPEG")
+        at = _write(text, scene, "scene", scene.uv, scene.faces, at)
+    for mesh in person_meshes(request, skins):
+        uv, corners = np.zeros((0, 2)), None
+        if skins.textured is not None:
+            uv, corners = skins.textured.mesh.uv.astype(np.float64), skins.textured.mesh.faces
+        at = _write(text, mesh, f"{mesh.name}_{skins.kind}", uv, corners, at)
+    files[f"{request.stem}.mtl"] = _materials(request, skins, scene is not None).encode("ascii")
+    return ExportedFiles({f"{request.stem}{request.suffix}": text.getvalue().encode("ascii"), **files}, skins.notes)
+
+
+def _write(
+    text: io.StringIO,
+    mesh: ColoredMesh,
+    material: str,
+    uv: NDArray[np.float64],
+    corners: NDArray[np.int64] | None,
+    at: tuple[int, int],
+) -> tuple[int, int]:
+    """Write an object; return the numbers of the next vertex and of the next texture coordinate.
+
+    Args:
+        text: of the file.
+        mesh: the object.
+        material: name.
+        uv: (U, 2), v up.
+        corners: (F, 3) indices into ``uv``, or None.
+        at: numbers of the first vertex and of the first texture coordinate.
+    """
+    text.write(f"o {mesh.name}\n")
+    np.savetxt(text, np.concatenate([mesh.vertices, mesh.colors / 255], 1), "v %.5f %.5f %.5f %.3f %.3f %.3f")
+    np.savetxt(text, mesh.normals, "vn %.4f %.4f %.4f")
+    np.savetxt(text, uv, "vt %.5f %.5f")
+    text.write(f"usemtl {material}\n")
+    vertex = mesh.faces + at[0]
+    if corners is None:
+        np.savetxt(text, np.repeat(vertex, 2, axis=1), "f %d//%d %d//%d %d//%d")
+    else:
+        numbers = np.stack([vertex, corners + at[1], vertex], 2).reshape(-1, 9)
+        np.savetxt(text, numbers, "f %d/%d/%d %d/%d/%d %d/%d/%d")
+    return at[0] + len(mesh.vertices), at[1] + len(uv)
+
+
+def _materials(request: ExportRequest, skins: Skins, scene: bool) -> str:
+    made, white = [], "1 1 1"
+    if scene:
+        made.append(_MATERIAL.format(name="scene", color=white) + f"map_Kd {request.stem}_scene.jpg\n")
+    grey = " ".join(f"{value / 255:.3f}" for value in BODY_RGB)
+    for index in request.people:
+        name = f"person_{index}"
+        made.append(_MATERIAL.format(name=f"{name}_neutral", color=grey))
+        if skins.textured is not None:
+            photo = _MATERIAL.format(name=f"{name}_photo", color=white)
+            made.append(
+                f"# {request.stem}_{name}_filled.png is white where the photo does not show the body\n{photo}"
+                f"map_Kd {request.stem}_{name}.jpg\n"
+            )
+        contact = _MATERIAL.format(name=f"{name}_contact", color=white if skins.textured is not None else grey)
+        made.append(contact + (f"map_Kd {request.stem}_{name}_contact.png\n" if skins.textured is not None else ""))
+    return "\n".join(made)

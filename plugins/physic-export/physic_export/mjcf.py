@@ -1,10 +1,13 @@
-"""MJCF: the scene as a textured mesh and as convex meshes that collide, people with joints; metres, z up."""
+"""MJCF: the scene as a textured mesh and as convex meshes that collide, and people with joints; metres, z up.
+
+Each joint of a person is a chain of hinges with position actuators.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -14,23 +17,148 @@ import torch
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.errors import InputError
 from physic_core.geometry.upright import transform_points
-from physic_core.visual.export.floor import drawn_floor
-from physic_core.visual.export.request import camera_pose
+from physic_core.visual.export.request import camera_pose, drawn_floor
 from physic_core.visual.rig import body_of_result
 from physic_core.visual.surface import depth_limit, mesh_scene
 from physic_core.visual.textures.pictures import encode_image
 from physic_export.balance import ExportedPerson, people_of
-from physic_export.humanoid import body_segments, convex_hull
+from physic_export.humanoid import (
+    FULL_TORQUE_RAD,
+    RESPONSE_S,
+    SOLE_RADIUS_M,
+    Segment,
+    body_segments,
+    convex_hull,
+    max_torque,
+)
 from physic_export.meshes import scene_mesh
-from physic_export.mjcf_humanoid import add_defaults, add_humanoid, add_photo_key
-from physic_export.mjcf_shapes import FRICTION, RGBA, add_mesh, numbers
 from physic_export.tiles import Tile, convex_tiles, tile_errors
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
     from physic_core.body.model import BodyModel
     from physic_core.types import Person
+    from physic_export.humanoid import Hinge
+
+RGBA = "0.77 0.75 0.73 1"
+FRICTION = "0.8 0.005 0.0001"
+"""Sliding, torsional (m) and rolling (m) friction of floor, scene and people: rubber soles on dry ground."""
+
+
+def add_mesh(
+    asset: ElementTree.Element,
+    name: str,
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.integer[Any]],
+    uv: NDArray[np.float64] | None = None,
+) -> None:
+    """Add a mesh whose numbers are in the file itself, closed unless it has texture coordinates (V, 2), v up."""
+    made = ElementTree.SubElement(asset, "mesh", name=name, vertex=numbers(vertices.reshape(-1), 4))
+    made.set("face", " ".join(map(str, faces.reshape(-1).tolist())))
+    if uv is not None:
+        made.set("texcoord", numbers((uv * [1, -1] + [0, 1]).reshape(-1), 5))
+        made.set("inertia", "shell")  # an open surface has no volume
+
+
+def numbers(values: Iterable[float], digits: int = 6) -> str:
+    """Return numbers as text."""
+    return " ".join(f"{value:.{digits}f}" for value in values)
+
+
+_ARMATURE = 0.05  # kg m2, keeps the small bodies stable
+
+
+def add_defaults(root: ElementTree.Element) -> None:
+    """Add what all hinges have."""
+    defaults = ElementTree.SubElement(root, "default")
+    ElementTree.SubElement(defaults, "joint", armature=f"{_ARMATURE:g}")
+
+
+def add_humanoid(root: ElementTree.Element, name: str, segments: Sequence[Segment], geom: dict[str, str]) -> None:
+    """Add a person with joints, in their pose.
+
+    Args:
+        root: of the file, with "asset", "worldbody" and "actuator".
+        name: such as "person_0"; bodies are "person_0" (the pelvis), "person_0_left_hip", ...
+        segments: of the person.
+        geom: attributes of the shapes that collide.
+    """
+    asset, world, actuators = (root.find(tag) for tag in ("asset", "worldbody", "actuator"))
+    assert asset is not None
+    assert world is not None
+    assert actuators is not None
+    mass = sum(one.mass for one in segments)
+    bodies: list[ElementTree.Element] = []
+    for segment in segments:
+        own = name if segment.parent < 0 else f"{name}_{segment.name}"
+        quaternion = roma.rotmat_to_unitquat(torch.from_numpy(segment.pose[:3, :3].copy())).numpy()[[3, 0, 1, 2]]
+        above = world if segment.parent < 0 else bodies[segment.parent]
+        place = {"pos": numbers(segment.pose[:3, 3]), "quat": numbers(quaternion, 8)}
+        body = ElementTree.SubElement(above, "body", {"name": own} | place)
+        bodies.append(body)
+        if segment.parent < 0:
+            ElementTree.SubElement(body, "freejoint", name=f"{name}_root")
+        for hinge in segment.hinges:
+            _add_hinge(body, f"{own}_{hinge.axis}", hinge)
+            _add_actuator(actuators, f"{own}_{hinge.axis}", max_torque(segment.name, mass))
+        add_mesh(asset, f"{own}_skin", *segment.skin)
+        skin = {"contype": "0", "conaffinity": "0", "group": "2", "mass": "0", "rgba": RGBA}
+        ElementTree.SubElement(body, "geom", {"name": f"{own}_skin", "type": "mesh", "mesh": f"{own}_skin"} | skin)
+        _add_shapes(asset, body, own, segment, geom)
+
+
+def add_photo_key(root: ElementTree.Element) -> None:
+    """Add the keyframe "photo": the pose of the photo, and the controls that hold it."""
+    places, angles = [], {}
+    for body in root.iter("body"):
+        for joint in body:
+            if joint.tag == "freejoint":
+                places += [body.attrib["pos"], body.attrib["quat"]]
+            elif joint.tag == "joint":
+                places.append(joint.attrib["ref"])
+                angles[joint.attrib["name"]] = joint.attrib["ref"]
+    controls = [angles[one.attrib["joint"]] for one in root.iter("position")]
+    key = ElementTree.SubElement(root, "keyframe")
+    ElementTree.SubElement(key, "key", name="photo", qpos=" ".join(places), ctrl=" ".join(controls))
+
+
+def _add_hinge(body: ElementTree.Element, name: str, hinge: Hinge) -> None:
+    shared = {"name": name, "axis": numbers(hinge.posed, 8), "ref": f"{hinge.angle:.6f}"}
+    shared["range"] = numbers((hinge.low, hinge.high))
+    ElementTree.SubElement(body, "joint", shared)
+
+
+def _add_actuator(actuators: ElementTree.Element, joint: str, torque: float) -> None:
+    stiffness = torque / FULL_TORQUE_RAD
+    ElementTree.SubElement(
+        actuators,
+        "position",
+        name=joint,
+        joint=joint,
+        kp=f"{stiffness:.2f}",
+        kv=f"{stiffness * RESPONSE_S:.3f}",
+        forcerange=numbers((-torque, torque), 3),
+        inheritrange="1",
+    )
+
+
+def _add_shapes(
+    asset: ElementTree.Element, body: ElementTree.Element, name: str, segment: Segment, geom: dict[str, str]
+) -> None:
+    """Add what collides: a capsule or the hull, which has the mass, and the soles."""
+    if segment.capsule is not None:
+        capsule = segment.capsule
+        shapes = [{"type": "capsule", "fromto": numbers(capsule.ends.ravel()), "size": f"{capsule.radius:.5f}"}]
+    else:
+        add_mesh(asset, name, *segment.hull)
+        shapes = [{"type": "mesh", "mesh": name}]
+    shapes += [{"type": "sphere", "pos": numbers(point), "size": f"{SOLE_RADIUS_M:g}"} for point in segment.soles]
+    for number, shape in enumerate(shapes):
+        own = {"name": f"{name}_{number}", "mass": "0"} if number else {"name": name}
+        ElementTree.SubElement(body, "geom", {"mass": f"{segment.mass:.4f}"} | own | shape | geom)
+
 
 _PERSON_BITS = 29
 """Number of people who collide with one another, but not with themselves: MuJoCo has 32 bits; one is the scene's."""

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
-from physic_export.meshes import person_meshes
-from physic_export.ply import scene_points
+from physic_export.meshes import person_meshes, scene_points
 from physic_export.skins import skins_of
 
 if TYPE_CHECKING:

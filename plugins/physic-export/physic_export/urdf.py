@@ -15,9 +15,8 @@ import trimesh
 
 from physic_core import ExportedFiles, ExportRequest
 from physic_export.balance import people_of
-from physic_export.humanoid import SOLE_RADIUS_M, body_segments
-from physic_export.joint_strength import max_torque
-from physic_export.mjcf_shapes import numbers
+from physic_export.humanoid import SOLE_RADIUS_M, body_segments, max_torque
+from physic_export.mjcf import numbers
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

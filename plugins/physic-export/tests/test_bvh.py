@@ -10,7 +10,7 @@ import pytest
 from physic_core import Reconstruction
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
-from physic_export.bone_names import bone_names
+from physic_export.skeleton import bone_names
 
 
 def read_bvh(path: Path, frame: int) -> dict[str, np.ndarray]:

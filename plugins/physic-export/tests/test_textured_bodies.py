@@ -10,7 +10,7 @@ import pytest
 from physic_core import ExportRequest, Reconstruction
 from physic_core.errors import InputError
 from physic_core.visual.export.request import export_frame
-from physic_export.textured_bodies import textured_bodies
+from physic_export.skins import textured_bodies
 
 
 def request_of(result: Reconstruction) -> ExportRequest:

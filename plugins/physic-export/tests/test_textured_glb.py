@@ -10,7 +10,7 @@ from PIL import Image
 
 from physic_core import Reconstruction
 from physic_core.errors import InputError
-from physic_export.bone_names import BONE_NAMES, bone_names
+from physic_export.skeleton import BONE_NAMES, bone_names
 
 pygltflib = pytest.importorskip("pygltflib")
 
