@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from physic_core.body.joints import PARENTS, PART_NAMES
-from physic_core.body.kinematics import Kinematics
 from physic_core.body.model import BodyModel
-from physic_core.body.skinning import Skin
+from physic_core.body.posing import Kinematics, Skin
 
 _Array = NDArray[Any]
 _NUM_CROWN, _NUM_GROUND = 40, 400
@@ -95,8 +94,7 @@ def build_body_model(arrays: BodyArrays, device: torch.device | str = "cpu") -> 
 
 def derive_vertex_sets(arrays: BodyArrays) -> VertexSets:
     """Derive body parts, contact sets and landmarks of the mean body from its geometry and skinning weights."""
-    from physic_core.body.parts import TPoseMesh, contact_set_vertices, label_parts
-    from physic_core.body.surface_points import pick_surface_points
+    from physic_core.body.parts import TPoseMesh, contact_set_vertices, label_parts, pick_surface_points
 
     kinematics, skin = _mechanics(arrays)
     none = torch.zeros(1, 0)

@@ -1,18 +1,39 @@
-"""Compute the joints of a body model in NumPy, float64. For given rotations, the joints are linear in the betas."""
+"""Compute the joints of a body model in NumPy, float64. For given rotations, the joints are linear in the betas.
+
+Matrix products and Cholesky solutions run in torch, to use its number of threads: NumPy's BLAS uses one thread per
+core. For matrices of the size of a body, such threads only wait for each other.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from physic_core.body.joints import NUM_JOINTS, PARENTS
-from physic_core.body.linalg import cholesky_solve, matmul
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
+
+_Real = TypeVar("_Real", bound=np.floating[Any])
+
+
+def matmul(a: NDArray[_Real], b: NDArray[_Real]) -> NDArray[_Real]:
+    """Return ``a @ b`` for arrays of the same float type."""
+    left, right = (torch.from_numpy(np.require(array, requirements="W")) for array in (a, b))
+    found: NDArray[_Real] = torch.matmul(left, right).numpy()
+    return found
+
+
+def cholesky_solve(normal: NDArray[np.float64], rhs: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Solve ``normal x = rhs`` by Cholesky: symmetric positive definite (B, M, M) and (B, M) -> x (B, M)."""
+    factor = torch.linalg.cholesky(torch.from_numpy(normal))
+    solution: NDArray[np.float64] = torch.cholesky_solve(torch.from_numpy(rhs)[..., None], factor)[..., 0].numpy()
+    return solution
+
 
 _Array = NDArray[np.float64]
 

@@ -10,10 +10,8 @@ import torch
 from torch import Tensor
 
 from physic_core.body.joints import JOINT_NAMES, NUM_JOINTS, PARENTS
-from physic_core.body.kinematics import Kinematics
 from physic_core.body.landmarks import LandmarkRegressor, skeleton_regressor
-from physic_core.body.posing import JointTree, pose_vertices
-from physic_core.body.skinning import Skin
+from physic_core.body.posing import JointTree, Kinematics, Skin, pose_vertices
 from physic_core.errors import BodyModelError
 from physic_core.geometry.coarse_mesh import CoarseMesh, coarse_mesh
 from physic_core.geometry.mesh import faces_of_vertices

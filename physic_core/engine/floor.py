@@ -28,11 +28,11 @@ from physic_core.geometry.floor import (
     plane_of_pixels,
 )
 from physic_core.geometry.floor_ransac import HOLE_WEIGHT, LOWER_SHARE
-from physic_core.geometry.gravity import estimate_up
+from physic_core.geometry.plane import estimate_up
 from physic_core.geometry.tensors import select_pixels
 
 MIN_UP_CONFIDENCE = 0.11
-"""Confidence of an up direction that counts fully, see :class:`physic_core.geometry.gravity.UpEstimate`."""
+"""Confidence of an up direction that counts fully, see :class:`physic_core.geometry.plane.UpEstimate`."""
 
 _SAMPLES = 16_000  # pixels that score
 _PIXEL_NATS = 6.0  # weight of all pixels together: neighbours share their error

@@ -35,7 +35,7 @@ def undistort(
         InputError: the distortion folds the image.
     """
     # It imports torch, which other photos load beside the first network.
-    from physic_core.geometry.distortion import check_distortion, undistort_image, undistort_pixels
+    from physic_core.geometry.camera import check_distortion, undistort_image, undistort_pixels
 
     camera = photo.intrinsics
     assert camera is not None

@@ -19,8 +19,7 @@ from scipy.spatial.transform import Rotation
 from physic_core.errors import InputError
 from physic_core.geometry.upright import transform_points
 from physic_core.types.exports import ExportedFiles
-from physic_core.visual.export.floor import drawn_floor
-from physic_core.visual.export.request import ExportRequest, camera_pose, export_frame
+from physic_core.visual.export.request import ExportRequest, camera_pose, drawn_floor, export_frame
 from physic_core.visual.glb_builder import ARRAY, INDICES, GlbBuilder
 from physic_core.visual.palette import (
     BODY_RGB,

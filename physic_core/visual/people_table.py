@@ -1,23 +1,57 @@
-"""The table of the preview: each person's contact, grade, distance, and the checks that the grade comes from."""
+"""The table of the preview: each person's contact, grade, distance, and the checks that the grade comes from.
+
+Font, colours and wrapped lines are those of the whole preview.
+"""
 
 from __future__ import annotations
 
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from PIL import Image, ImageDraw
+from PIL import Image, ImageDraw, ImageFont
 
 from physic_core.types import Grade
 from physic_core.types.metres_text import metres_text
 from physic_core.visual.orthographic_views import PAGE_RGB
 from physic_core.visual.palette import person_color
 from physic_core.visual.panels import CONTACT_VIEWS, render_contact_views
-from physic_core.visual.preview_text import ALERT_RGB, INK_RGB, SOFT_RGB, draw_text, font, wrap
 
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction
 
     Line = tuple[str, tuple[int, int, int]]
+
+INK_RGB, SOFT_RGB, ALERT_RGB = (32, 34, 38), (98, 102, 108), (178, 48, 34)
+
+# The font has none of these.
+_PLAIN = str.maketrans({"×": "x", "—": "-", "–": "-", "−": "-", "’": "'", "‘": "'", "“": '"', "”": '"', "…": "..."})
+
+
+@cache
+def font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    """Return the font of the preview, size in px."""
+    return ImageFont.load_default(size)
+
+
+def draw_text(
+    pen: ImageDraw.ImageDraw, spot: tuple[float, float], text: str, size: int, color: tuple[int, int, int] = INK_RGB
+) -> None:
+    """Draw one line of text with its upper left corner at a spot, px."""
+    pen.text(spot, text.translate(_PLAIN), font=font(size), fill=color)
+
+
+def wrap(text: str, size: int, width: float, between: str = " ") -> list[str]:
+    """Break a text at ``between`` into as few lines as possible, each at most ``width`` px unless one word is wider."""
+    lines: list[str] = []
+    for word in text.translate(_PLAIN).split(between):
+        longer = f"{lines[-1]}{between}{word}" if lines else word
+        if lines and font(size).getlength(longer) <= width:
+            lines[-1] = longer
+        else:
+            lines.append(word)
+    return lines
+
 
 MAX_PEOPLE = 16
 """Maximum number of people with a row."""

@@ -12,8 +12,12 @@ import torch
 from other_body import OtherBody
 
 from physic_core.body.convert.bodies import convert_contact, rest_mesh_of_model
-from physic_core.body.convert.correspondence import Correspondence, find_correspondence
-from physic_core.body.convert.nearest_surface import SurfaceIndex, closest_barycentric
+from physic_core.body.convert.correspondence import (
+    Correspondence,
+    SurfaceIndex,
+    closest_barycentric,
+    find_correspondence,
+)
 from physic_core.body.model import BodyModel
 from physic_core.cache import correspondences as module
 from physic_core.cache.correspondences import cached_correspondence

@@ -12,8 +12,7 @@ from other_body import mm
 
 from physic_core.body import JOINT_INDEX, JOINT_NAMES, load_body
 from physic_core.body.bones import BoneOffsets, fit_shape, rotations_from_parents, rotations_from_tpose
-from physic_core.body.convert.joint_fit import BodyFit, fit_joints
-from physic_core.body.convert.rotations_from_joints import has_torso_joints, rotations_from_joints
+from physic_core.body.convert.joint_fit import BodyFit, fit_joints, has_torso_joints, rotations_from_joints
 from physic_core.body.convert.surface_fit import SampledBodyModel, SurfaceTargets, fit_surface, sample_vertices
 from physic_core.body.model import BodyModel
 from physic_core.body.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy

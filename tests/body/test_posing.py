@@ -5,9 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from physic_core.body.kinematics import Kinematics
-from physic_core.body.posing import JointTree, pose_vertices
-from physic_core.body.skinning import Skin
+from physic_core.body.posing import JointTree, Kinematics, Skin, pose_vertices
 from physic_core.geometry.rotations import rotvec_to_rotmat
 
 J, V, D = 8, 6, 3

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from physic_core.geometry.gravity import estimate_up
+from physic_core.geometry.plane import estimate_up
 
 
 def camera(pitch_deg: float, roll_deg: float = 0.0) -> Tensor:

@@ -9,7 +9,7 @@ import pytest
 from physic_core import InputError, Intrinsics, KnownLength, KnownSizes, PeoplePrompt, load_config, reconstruct
 from physic_core.configuration.model import PhotoSettings
 from physic_core.errors import ConfigError
-from physic_core.geometry.distortion import check_distortion, undistort_image, undistort_pixels
+from physic_core.geometry.camera import check_distortion, undistort_image, undistort_pixels
 from physic_core.io.photo import Photo
 from physic_core.pipeline.undistort import undistort
 from physic_core.types import Lens

@@ -8,7 +8,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from physic_core.types import Reconstruction, UnposedPerson
-from physic_core.visual.unposed_boxes import draw_unposed, unposed_boxes
+from physic_core.visual.preview import draw_unposed, unposed_boxes
 
 
 def test_a_person_without_a_body_is_listed_beside_the_unposed_boxes(reconstruction: Reconstruction) -> None:

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from physic_core.body.bones import BoneOffsets, rotations_from_parents, rotations_from_tpose
 from physic_core.body.convert.correspondence import Correspondence, find_correspondence
-from physic_core.body.convert.joint_fit import BodyFit, fit_joints
-from physic_core.body.convert.rotations_from_joints import finite_rows, has_torso_joints
+from physic_core.body.convert.joint_fit import BodyFit, finite_rows, fit_joints, has_torso_joints
 from physic_core.body.convert.surface_fit import (
     SURFACE_SIGMA_M,
     SampledBodyModel,

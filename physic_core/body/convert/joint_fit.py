@@ -4,30 +4,239 @@ Similar to fitting SMPL by parts (Sarandi and Pons-Moll, smplfitter): rotations 
 ridge regression, alternating. There are three differences. Hinges have larger weights than joints inside the trunk,
 since their positions differ between models. The weights depend on the residual, so that a model is recovered from its
 own joints. Limbs are aligned from their posed root, so that shape errors do not add up along the arm.
+
+Without rotations, these follow from the joints, of which some may be unknown. Trunk and head follow from directions
+between distant joints (hips, shoulders, spine), since the positions of joints inside the trunk differ between models.
+Limbs follow from the direction of each bone and from the hinge axis of knee or elbow; for a straight limb, from the
+foot or by the smallest rotation from the trunk.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from physic_core.body.bones import BoneOffsets, fit_shape
-from physic_core.body.convert.rotations_from_joints import finite_rows, rotations_from_joints
-from physic_core.body.joints import FINGER_JOINTS, JOINT_NAMES, PARENTS, joint_pair
-from physic_core.body.rotations import rotate, rotation_between
+from physic_core.body.joints import FINGER_JOINTS, JOINT_INDEX, JOINT_NAMES, PARENTS, joint_pair
+from physic_core.body.rotations import (
+    cross,
+    frame_from_axes,
+    nearest_rotation,
+    rotate,
+    rotation_between,
+    rotvec_to_rotmat_numpy,
+    slerp,
+    swing_twist,
+    unit,
+)
 
 _Array = NDArray[np.float64]
 _Bools = NDArray[np.bool_]
 
+_HIPS, _KNEES, _ANKLES, _FEET = (joint_pair(name) for name in ("hip", "knee", "ankle", "foot"))
+_COLLARS, _SHOULDERS, _ELBOWS, _WRISTS = (joint_pair(name) for name in ("collar", "shoulder", "elbow", "wrist"))
+_EYES = joint_pair("eye")
+_PELVIS, _SPINE1, _SPINE2, _SPINE3 = (JOINT_INDEX[name] for name in ("pelvis", "spine1", "spine2", "spine3"))
+_UPPER, _LOWER, _END = [*_HIPS, *_SHOULDERS], [*_KNEES, *_ELBOWS], [*_ANKLES, *_WRISTS]
+"""Hips and shoulders, knees and elbows, ankles and wrists; left before right."""
+_HINGES = np.array([[1.0, 0, 0], [1.0, 0, 0], [0, -1.0, 0], [0, 1.0, 0]])
+"""Hinge axis of each knee and elbow in the T-pose."""
+_FINGERS = np.array(FINGER_JOINTS)
+_MIN_BEND, _FULL_BEND = 0.15, 0.4
+"""Sine of the hinge angle: below the first value the axis is unreliable, from the second it has full weight."""
+_BY_FOOT, _BY_TRUNK = 1.0, 0.3
+"""Weights of the foot and of the trunk for the hinge axis of a straight limb."""
+
+
+def has_torso_joints(known: _Bools) -> _Bools:
+    """Return which bodies (B,) have both hips, and both shoulders or the neck, among the known joints (B, 55)."""
+    complete: _Bools = known[:, _HIPS].all(1) & (known[:, _SHOULDERS].all(1) | known[:, JOINT_INDEX["neck"]])
+    return complete
+
+
+def finite_rows(joints: NDArray[np.floating[Any]]) -> _Bools:
+    """Return which vectors (..., 3) are finite -> (...) bool."""
+    known: _Bools = np.asarray(np.isfinite(joints).all(-1), bool)
+    return known
+
+
+def rotations_from_joints(joints: _Array, rest: _Array) -> _Array:
+    """Estimate the rotation of every bone relative to the T-pose.
+
+    Args:
+        joints: (B, 55, 3) metres, NaN where unknown; of bodies with :func:`has_torso_joints` joints.
+        rest: (B, 55, 3) joints of the same body in the T-pose.
+
+    Returns:
+        (B, 55, 3, 3); unknown bones rotate with their parents.
+    """
+    known = finite_rows(joints)
+    joints = np.where(known[..., None], joints, 0.0)
+    world = np.broadcast_to(np.eye(3), (*joints.shape, 3)).copy()
+    _set_trunk(world, joints, rest, known)
+    neck = JOINT_INDEX["neck"]
+    for shoulder in _SHOULDERS:
+        # Place an unknown shoulder as in the T-pose relative to the chest.
+        guess = joints[:, neck] + rotate(world[:, _SPINE3], rest[:, shoulder] - rest[:, neck])
+        fill = ~known[:, shoulder] & known[:, neck]
+        joints[:, shoulder] = np.where(fill[:, None], guess, joints[:, shoulder])
+        known[:, shoulder] |= fill
+    _set_head(world, joints, rest, known)
+    _set_limbs(world, joints, rest, known)
+    _set_hands(world, joints, rest, known)
+    return world
+
+
+def _set_trunk(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> None:
+    """Set the rotations of pelvis, spine and collars."""
+    hips, rest_hips = joints[:, _HIPS].mean(1), rest[:, _HIPS].mean(1)
+    top, rest_top = _joint_or(joints, rest, known, "neck", *_midpoint(joints, rest, known, _SHOULDERS))
+    middle, rest_middle = _joint_or(joints, rest, known, "spine3", top, rest_top)
+    middle, rest_middle = _joint_or(joints, rest, known, "spine2", middle, rest_middle)
+    low = _align([_left_minus_right(joints, rest, _HIPS), (middle - hips, rest_middle - rest_hips)])
+    # The upper trunk starts at the middle of the spine if that is known.
+    same = (middle == top).all(-1, keepdims=True)
+    base, rest_base = np.where(same, hips, middle), np.where(same, rest_hips, rest_middle)
+    wide = _all_true(known[:, _SHOULDERS])[:, None]
+    across, rest_across = _left_minus_right(joints, rest, _SHOULDERS)
+    high = _align([(np.where(wide, across, rotate(low, rest_across)), rest_across), (top - base, rest_top - rest_base)])
+    world[:, _PELVIS], world[:, _SPINE3] = low, high
+    world[:, _SPINE1], world[:, _SPINE2] = slerp(low, high, 1 / 3), slerp(low, high, 2 / 3)
+    for collar, shoulder in zip(_COLLARS, _SHOULDERS, strict=True):
+        # The distance of the shoulders depends on shape, so only their elevation and protraction are used.
+        seen = known[:, shoulder]
+        middle_of = joints[:, _SHOULDERS].mean(1) - rotate(high, rest[:, _SHOULDERS].mean(1) - rest[:, collar])
+        turn = rotation_between(rotate(high, rest[:, shoulder] - rest[:, collar]), joints[:, shoulder] - middle_of)
+        world[:, collar] = np.where((seen[:, None] & wide)[..., None], turn @ high, high)
+
+
+def _set_head(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> None:
+    """Set the rotations of neck, head, jaw and eyes."""
+    neck, head = JOINT_INDEX["neck"], JOINT_INDEX["head"]
+    chest = world[:, _SPINE3]
+    way = rotation_between(rotate(chest, rest[:, head] - rest[:, neck]), joints[:, head] - joints[:, neck])
+    seen = _all_true(known[:, [neck, head]])[:, None, None]
+    world[:, neck] = np.where(seen, way @ chest, chest)
+    looks = _all_true(known[:, [head, *_EYES]])[:, None, None]
+    face = _align(
+        [
+            _left_minus_right(joints, rest, _EYES),
+            (joints[:, _EYES].mean(1) - joints[:, head], rest[:, _EYES].mean(1) - rest[:, head]),
+        ]
+    )
+    world[:, head] = np.where(looks, face, world[:, neck])
+    # The neck takes half of the twist between chest and head.
+    bone = rest[:, head] - rest[:, neck]
+    _, angle = swing_twist(np.swapaxes(world[:, neck], -1, -2) @ world[:, head], bone)
+    world[:, neck] = world[:, neck] @ rotvec_to_rotmat_numpy(
+        0.5 * np.where(looks[..., 0], angle[:, None], 0.0) * unit(bone)
+    )
+    world[:, [JOINT_INDEX["jaw"], *_EYES]] = world[:, [head]]
+
+
+def _set_limbs(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> None:
+    """Set the rotations of arms, legs and feet."""
+    above = world[:, [_PELVIS, _PELVIS, *_COLLARS]]
+    first, second = (rest[:, b] - rest[:, a] for a, b in ((_UPPER, _LOWER), (_LOWER, _END)))
+    upper_known = known[:, _UPPER] & known[:, _LOWER]
+    lower_known = known[:, _LOWER] & known[:, _END]
+    upper = np.where(upper_known[..., None], joints[:, _LOWER] - joints[:, _UPPER], rotate(above, first))
+    default = rotation_between(rotate(above, first), upper)
+    trunk = rotate(default @ above, _HINGES)
+    lower = np.where(lower_known[..., None], joints[:, _END] - joints[:, _LOWER], rotate(default @ above, second))
+    bend = cross(unit(upper), unit(lower))
+    sine = np.sqrt((bend * bend).sum(-1, keepdims=True))
+    weight = np.clip((sine - _MIN_BEND) / (_FULL_BEND - _MIN_BEND), 0.0, 1.0)
+    hint = _BY_TRUNK * trunk
+    hint[:, :2] += _BY_FOOT * _axis_by_foot(joints, known, lower[:, :2])
+    axis = weight * unit(bend) + (1 - weight) * unit(hint)
+    frames = [frame_from_axes(bone, np.broadcast_to(_HINGES, bone.shape)) for bone in (first, second)]
+    for bones, seen, frame, rows in ((upper, upper_known, frames[0], _UPPER), (lower, lower_known, frames[1], _LOWER)):
+        turn = frame_from_axes(bones, axis) @ np.swapaxes(frame, -1, -2)
+        parent = world[:, [PARENTS[row] for row in rows]]
+        world[:, rows] = np.where(seen[..., None, None], turn, parent)
+    foot = rest[:, _FEET] - rest[:, _ANKLES]
+    shin = world[:, _KNEES]
+    tread = rotation_between(rotate(shin, foot), joints[:, _FEET] - joints[:, _ANKLES]) @ shin
+    steps = (known[:, _FEET] & known[:, _ANKLES])[..., None, None]
+    world[:, _ANKLES] = np.where(steps, tread, shin)
+    world[:, _FEET] = world[:, _ANKLES]
+
+
+def _axis_by_foot(joints: _Array, known: _Bools, shins: _Array) -> _Array:
+    """Return the knee axes (B, 2, 3) if feet point forward; zero where the foot is unknown."""
+    feet = joints[:, _FEET] - joints[:, _ANKLES]
+    seen = (known[:, _FEET] & known[:, _ANKLES])[..., None]
+    return np.where(seen, unit(cross(feet, shins)), 0.0)
+
+
+def _set_hands(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> None:
+    """Set the rotations of forearm twist, wrists and fingers."""
+    arms = world[:, _ELBOWS]
+    bases = _FINGERS[:, :, 0]
+    seen = known[:, bases] & known[:, _WRISTS][..., None]
+    stick = joints[:, bases] - joints[:, _WRISTS][:, :, None]
+    rest_stick = rest[:, bases] - rest[:, _WRISTS][:, :, None]
+    moments = np.einsum("bsf,bsfi,bsfk->bsik", seen.astype(float), stick, rest_stick)
+    # Two fingers determine a frame; the small weight of the forearm removes a remaining ambiguity.
+    enough_fingers = (seen.sum(-1) >= 2)[..., None, None]
+    hand = nearest_rotation(np.where(enough_fingers, moments, np.eye(3)) + np.where(enough_fingers, 1e-6, 0.0) * arms)
+    hand = np.where(enough_fingers, hand, arms)
+    # The forearm takes half of the twist of the hand.
+    forearm = rest[:, _WRISTS] - rest[:, _ELBOWS]
+    _, angle = swing_twist(np.swapaxes(arms, -1, -2) @ hand, forearm)
+    world[:, _ELBOWS] = arms @ rotvec_to_rotmat_numpy(0.5 * angle[..., None] * unit(forearm))
+    world[:, _WRISTS] = hand
+    above = np.repeat(hand[:, :, None], 5, axis=2)
+    for joint in range(3):
+        if joint < 2:
+            here, there = _FINGERS[..., joint], _FINGERS[..., joint + 1]
+            way = rotate(above, rest[:, there] - rest[:, here])
+            both_known = (known[:, here] & known[:, there])[..., None]
+            above = rotation_between(way, np.where(both_known, joints[:, there] - joints[:, here], way)) @ above
+        world[:, _FINGERS[..., joint]] = above
+
+
+def _all_true(flags: _Bools) -> _Bools:
+    """Return whether all flags along the last axis are true."""
+    every: _Bools = np.logical_and.reduce(flags, axis=-1)
+    return every
+
+
+def _align(sticks: list[tuple[_Array, _Array]]) -> _Array:
+    """Return the rotation (B, 3, 3) that best aligns T-pose directions with posed ones, each pair (B, 3)."""
+    moments = sum(unit(now)[:, :, None] * unit(rest)[:, None, :] for now, rest in sticks)
+    return nearest_rotation(np.asarray(moments))
+
+
+def _joint_or(
+    joints: _Array, rest: _Array, known: _Bools, name: str, other: _Array, rest_other: _Array
+) -> tuple[_Array, _Array]:
+    """Return a joint in the pose and in the T-pose, or another point if it is unknown."""
+    i = JOINT_INDEX[name]
+    seen = known[:, i, None]
+    return np.where(seen, joints[:, i], other), np.where(seen, rest[:, i], rest_other)
+
+
+def _midpoint(joints: _Array, rest: _Array, known: _Bools, pair: list[int]) -> tuple[_Array, _Array]:
+    """Return the midpoint of a joint pair, in the pose and in the T-pose."""
+    return joints[:, pair].mean(1), rest[:, pair].mean(1)
+
+
+def _left_minus_right(joints: _Array, rest: _Array, pair: list[int]) -> tuple[_Array, _Array]:
+    """Return the vector from the right to the left joint of a pair, in the pose and in the T-pose."""
+    left, right = pair
+    return joints[:, left] - joints[:, right], rest[:, left] - rest[:, right]
+
+
 _ROUNDS = 3  # alternations between shape and rotations
 _MIN_RESIDUAL = 0.02
 """Minimum of the residual relative to the difference of two models."""
-_HIPS, _KNEES, _ANKLES = (joint_pair(name) for name in ("hip", "knee", "ankle"))
-_SHOULDERS, _ELBOWS, _WRISTS = (joint_pair(name) for name in ("shoulder", "elbow", "wrist"))
-_FINGERS = frozenset(np.ravel(FINGER_JOINTS).tolist())
-_HINGES = (*_KNEES, *_ANKLES, *_ELBOWS, *_WRISTS)
+_FINGER_IDS = frozenset(np.ravel(FINGER_JOINTS).tolist())
+_HINGE_IDS = (*_KNEES, *_ANKLES, *_ELBOWS, *_WRISTS)
 _LIMBS = (([*_HIPS, *_SHOULDERS], [*_KNEES, *_ELBOWS]), ([*_KNEES, *_ELBOWS], [*_ANKLES, *_WRISTS]))
 """Joints of thighs and upper arms, then of shins and forearms, each with the joints at their ends."""
 
@@ -108,7 +317,7 @@ def _exclude_unreachable(known: _Bools) -> _Bools:
     """Exclude joints (B, 55) beyond an unknown elbow, wrist, knee or ankle."""
     reached = known.copy()
     for joint, parent in enumerate(PARENTS):
-        if parent in _HINGES or parent in _FINGERS:
+        if parent in _HINGE_IDS or parent in _FINGER_IDS:
             reached[:, joint] &= reached[:, parent]
     return reached
 

@@ -10,10 +10,16 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from physic_core.body.bones import ANCESTOR_MATRIX, BoneOffsets, fit_shape, rotations_from_parents
+from physic_core.body.bones import (
+    ANCESTOR_MATRIX,
+    BoneOffsets,
+    cholesky_solve,
+    fit_shape,
+    matmul,
+    rotations_from_parents,
+)
 from physic_core.body.convert.joint_fit import BodyFit
 from physic_core.body.joints import NUM_JOINTS, PARENTS
-from physic_core.body.linalg import cholesky_solve, matmul
 from physic_core.body.rotations import cross, nearest_rotation, rotvec_to_rotmat_numpy
 
 if TYPE_CHECKING:

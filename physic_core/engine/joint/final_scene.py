@@ -11,7 +11,7 @@ from physic_core.engine.joint.problem import JointProblem, JointResult
 from physic_core.engine.scene.cleaning import edge_ratio
 from physic_core.engine.scene.method import SceneMethod
 from physic_core.engine.scene.solve import SceneState
-from physic_core.geometry.behind_bodies import move_behind_bodies
+from physic_core.geometry.free_space import move_behind_bodies
 from physic_core.geometry.pointmap import pointmap_normals
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.body.convert.nearest_surface import closest_barycentric
+from physic_core.body.convert.correspondence import closest_barycentric
 from physic_core.errors import InputError
 from physic_core.metrics import PROXIMITY_RADIUS_M
 

@@ -8,7 +8,7 @@ import trimesh
 
 from physic_bench.contract import Surface
 from physic_bench.scene_surface import SceneIndex, contact_by_rule
-from physic_core.body.convert.nearest_surface import closest_barycentric
+from physic_core.body.convert.correspondence import closest_barycentric
 from physic_core.errors import InputError
 
 

@@ -18,9 +18,8 @@ from physic_core.visual.palette import (
     contact_legend,
     has_faint_contact,
 )
-from physic_viewer.report.packing import photo_jpeg
 from physic_viewer.report.people import people_records
-from physic_viewer.report.surfaces import MAX_FULL_BODIES, is_posed, pack_bodies, pack_scene
+from physic_viewer.report.surfaces import MAX_FULL_BODIES, is_posed, pack_bodies, pack_scene, photo_jpeg
 
 if TYPE_CHECKING:
     from physic_core.types import CheckResult, Reconstruction, StageRecord
