@@ -55,7 +55,7 @@ LISTS = {
         "`physic export --overwrite` replaces": "test_the_photo_and_links_are_never_replaced",
         "Tables, pages and logs": "test_a_file_of_the_user_ends_the_batch_before_its_first_photo",
         "No file of an output folder": "test_a_file_is_appended_to_and_a_link_is_not",
-        "The photo is never replaced": "test_the_photo_is_never_overwritten test_no_photo_of_several_is_overwritten",
+        "The photo is never replaced": "test_the_photo_is_never_overwritten",
     },
 }
 LIMITS = {"`physic batch --timeout` ends a photo": "test_a_worker_that_hangs", "a button of": "test_a_photo_that_hangs"}
