@@ -17,7 +17,7 @@ from physic_core.cli.output import echo, echo_json, format_table
 from physic_core.files.plain import split
 from physic_core.io.result_folder import DOCUMENT_FILE, REPORT_FILE
 from physic_core.io.result_record import PersonRecord, ResultRecord, read_record
-from physic_core.types import CheckResult, UnposedPerson, summarize_checks
+from physic_core.types import CheckResult, summarize_checks
 from physic_core.types.metres_text import metres_text
 
 _HEAD = ("person", "grade", "distance", "likely contact", "why")
@@ -118,12 +118,17 @@ def summary_text(
         lines.append(f"{count} backend outputs come from the cache; --set run.cache=false runs them all")
     if people:
         lines.append(_table([_row(person, record) for person in people], width))
-    lines += [_no_body(one) for one in record.unposed]
+    lines += [
+        f"no body: {one.reason}, box {', '.join(f'{edge:.0f}' for edge in one.box)}, score {one.score:.2f}"
+        for one in record.unposed
+    ]
     lines += [f"note: {text}" for text in record.notes]
     lines += [f"warning: {text}" for text in record.warnings]
     if verbose:
         lines += [f"{stage.name}: {stage.seconds:.1f} s" for stage in stages]
-        lines += [f"{_about(check)}{check}" for check in checks if not check.ok]
+        for check in checks:
+            if not check.ok:
+                lines.append(f"{'' if check.person is None else f'person {check.person}: '}{check}")
     lines.append(f"grade: {record.grade or 'none'}  (checks: {summarize_checks(checks)})")
     lines.append(f"results: {folder}{'' if str(folder).endswith('/') else '/'}")
     if REPORT_FILE in record.files:
@@ -174,14 +179,6 @@ def _distance(person: PersonRecord) -> float | None:
 def _times(metres: float | None, log_sigma: float | None) -> float | None:
     """Return the standard deviation of a length, metres, from that of its logarithm; None if one is not known."""
     return None if metres is None or log_sigma is None else metres * log_sigma
-
-
-def _no_body(one: UnposedPerson) -> str:
-    return f"no body: {one.reason}, box {', '.join(f'{edge:.0f}' for edge in one.box)}, score {one.score:.2f}"
-
-
-def _about(check: CheckResult) -> str:
-    return "" if check.person is None else f"person {check.person}: "
 
 
 def _table(rows: Sequence[tuple[str, ...]], width: int | None) -> str:

@@ -21,8 +21,8 @@ from physic_core.cli.output import collect_plugin_messages, echo, print_messages
 class _Numbers(click.ParamType[Any]):
     """Comma-separated numbers, such as fx,fy,cx,cy; any number of them if the name ends in dots."""
 
-    def __init__(self, names: str, unit: str = " in px") -> None:
-        self.name, self._unit = names, unit
+    def __init__(self, names: str) -> None:
+        self.name = names
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
         try:
@@ -31,9 +31,7 @@ class _Numbers(click.ParamType[Any]):
             numbers = ()
         count = 0 if self.name.endswith("...") else self.name.count(",") + 1
         if not numbers or len(numbers) != (count or len(numbers)):
-            many = {0: "", 2: "two ", 4: "four ", 5: "five "}[count]
-            text = f"'{value}' is not {many}comma-separated numbers: {self.name}{self._unit}"
-            self.fail(text, param, ctx)
+            self.fail(f"'{value}' is not comma-separated numbers: {self.name}", param, ctx)
         return numbers
 
 
@@ -78,7 +76,7 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
 @_setting(
     "--distortion",
     "photo.distortion",
-    type=_Numbers("k1,k2,p1,p2,k3", ""),
+    type=_Numbers("k1,k2,p1,p2,k3"),
     help="Lens distortion of --intrinsics, in OpenCV's order.",
 )
 @_setting("--person", "photo.person", type=_Numbers("x,y"), multiple=True, help=_PERSON)
@@ -93,13 +91,13 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
 @_setting(
     "--stature",
     "photo.stature",
-    type=_Numbers("metres,...", ""),
+    type=_Numbers("metres,..."),
     help="Known standing height, metres: one for all people, or one per person from left to right, 0 where unknown.",
 )
 @_setting(
     "--age",
     "photo.age",
-    type=_Numbers("years,...", ""),
+    type=_Numbers("years,..."),
     help="Known age, years, like --stature: one for all people, or one per person from left to right, 0 where unknown.",
 )
 @_setting(
@@ -108,7 +106,7 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
 @_setting(
     "--known-length",
     "photo.known_length",
-    type=_Numbers("x1,y1,x2,y2,metres", ""),
+    type=_Numbers("x1,y1,x2,y2,metres"),
     multiple=True,
     help="Two pixels of the photo file and the true distance between their points; may be repeated.",
 )
@@ -152,7 +150,11 @@ def run(
     # Fast checks come first: no network is loaded before config, files, device and output folder are checked.
     plan = load_plan(discover(), file, preset=preset, overrides=overrides, flags=flags)
     report = _writes_report(report, required=open_page, quiet=quiet)
-    with sigterm_as_exception(), _reserve_folder(photo, out, overwrite) as folder:
+    from physic_core.io.result_folder import file_digest
+
+    digest = file_digest(photo)
+    folder, made = (out, []) if out is not None else _default_folder(photo, digest, overwrite)
+    with sigterm_as_exception(), reserve_folder(folder, digest, overwrite=overwrite, made=made):
         from physic_core.pipeline.run import reconstruct
 
         with collect_plugin_messages() as messages, show_progress(quiet) as progress:
@@ -177,18 +179,19 @@ def run(
 
         print_summary(folder, verbose=verbose, as_json=as_json)
     if not quiet and not result.intrinsics.known:
-        echo(_focal_advice(result.intrinsics.focal_sigma), err=True)
+        sigma = result.intrinsics.focal_sigma
+        spread = "" if sigma is None else f" (± {sigma:.0%})"
+        echo(
+            f"the focal length, and with it all distances, is an estimate{spread}: if you know it, give --focal-px PX, "
+            "in px of the photo file, or --intrinsics fx,fy,cx,cy",
+            err=True,
+        )
     if open_page:
-        _open(folder / "report.html")
+        import webbrowser
 
-
-def _focal_advice(log_sigma: float | None) -> str:
-    """Return how to give a focal length unknown to the user and the photo file, with its error."""
-    spread = "" if log_sigma is None else f" (± {log_sigma:.0%})"
-    return (
-        f"the focal length, and with it all distances, is an estimate{spread}: if you know it, give --focal-px PX, "
-        f"in px of the photo file, or --intrinsics fx,fy,cx,cy"
-    )
+        page = folder / "report.html"
+        if not webbrowser.open(page.absolute().as_uri()):
+            echo(f"no browser was found: open {page} yourself", err=True)
 
 
 def _writes_report(wanted: bool | None, *, required: bool, quiet: bool) -> bool:
@@ -211,14 +214,6 @@ def _writes_report(wanted: bool | None, *, required: bool, quiet: bool) -> bool:
             echo(f"no page: {error}", err=True)
         return False
     return True
-
-
-def _open(page: Path) -> None:
-    """Open a page in the user's browser; print a message if there is none."""
-    import webbrowser
-
-    if not webbrowser.open(page.absolute().as_uri()):
-        echo(f"no browser was found: open {page} yourself", err=True)
 
 
 class _Terminated(KeyboardInterrupt):
@@ -244,17 +239,6 @@ def sigterm_as_exception() -> Iterator[None]:
         os.kill(os.getpid(), signal.SIGTERM)  # so that the parent process sees the signal
     finally:
         signal.signal(signal.SIGTERM, before)
-
-
-@contextmanager
-def _reserve_folder(photo: Path, out: Path | None, overwrite: bool) -> Iterator[Path]:
-    """Check and yield the output folder of a photo."""
-    from physic_core.io.result_folder import file_digest
-
-    digest = file_digest(photo)
-    folder, made = (out, []) if out is not None else _default_folder(photo, digest, overwrite)
-    with reserve_folder(folder, digest, overwrite=overwrite, made=made):
-        yield folder
 
 
 def _default_folder(photo: Path, digest: str, overwrite: bool) -> tuple[Path, list[Path]]:

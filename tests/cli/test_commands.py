@@ -221,7 +221,7 @@ def test_a_lack_of_memory_is_a_message(pipeline, error):
     [
         (run("--focal-px", "900", "--intrinsics", "1,2,3,4"), "--focal-px and --intrinsics"),
         (run("--config", "x.toml"), "--preset cannot be combined with --config"),
-        (run("--intrinsics", "1,2,3"), "four comma-separated numbers: fx,fy,cx,cy"),
+        (run("--intrinsics", "1,2,3"), "comma-separated numbers: fx,fy,cx,cy"),
         (run("-o", ""), "'-o' / '--out': it is empty"),
         (("config", "show", "--preset", "mock", "x.toml"), "--preset cannot be combined with FILE"),
         (("batch", "a.jpg", "-o", "out", "--preset", "mock", "--config", "x.toml"), "cannot be combined with --config"),

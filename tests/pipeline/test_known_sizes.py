@@ -231,7 +231,7 @@ def test_sizes_on_the_command_line(tmp_path, stand: World) -> None:
     assert set(given_and_result(result)) == {"the stature of person 0", "the camera height", length}
     wrong = CliRunner().invoke(main, ["run", str(photo), "--known-length", "1,2,3"])
     assert wrong.exit_code == 2
-    assert "'1,2,3' is not five comma-separated numbers: x1,y1,x2,y2,metres" in wrong.output
+    assert "'1,2,3' is not comma-separated numbers: x1,y1,x2,y2,metres" in wrong.output
 
 
 def test_chosen_people_keep_the_sizes_given_for_them() -> None:
