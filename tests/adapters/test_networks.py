@@ -1,0 +1,134 @@
+"""The base of backends with networks: weights, batches, and pictures on a device."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from pydantic import Field
+
+from physic_core.adapters.networks import NetworkBackend, TorchBackend, picture_tensor, run_in_batches
+from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw
+from physic_core.errors import BackendError, DeviceError, WeightsMissingError
+from physic_core.interfaces import MetricDepth, Options
+from physic_core.types import DepthMap, Hints
+
+PHOTO = np.random.default_rng(0).integers(0, 256, (40, 60, 3), np.uint8)
+
+
+class OwnOptions(Options):
+    weights: str = Field("net", description="a name or a path")
+
+
+class Own(NetworkBackend, MetricDepth):
+    """As the plugin of a third party: the network is one number in a file."""
+
+    Options = OwnOptions
+
+    def build(self, device: str) -> Any:
+        factor = float(self.file().read_text())
+        return lambda inputs: factor * inputs
+
+    def preprocess(self, image: np.ndarray, hints: Hints) -> np.ndarray:
+        return image.mean(axis=-1)
+
+    def postprocess(self, output: np.ndarray, image: np.ndarray, hints: Hints) -> DepthMap:
+        return DepthMap(output.astype(np.float32) + 1)
+
+
+@pytest.fixture
+def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> type[Own]:
+    """The class in a package with a folder of manifests; a file of its set is in the user's folder."""
+    package = ModuleType("own_plugin")
+    package.__file__ = str(tmp_path / "own_plugin" / "__init__.py")
+    (tmp_path / "own_plugin" / "weights").mkdir(parents=True)
+    manifest = (
+        '[net]\nsummary = "A"\nlicense = "MIT"\n[[net.files]]\npath = "net.txt"\nsource = "https://example.org/x"\n'
+    )
+    (tmp_path / "own_plugin" / "weights" / "net.toml").write_text(manifest)
+    monkeypatch.setitem(sys.modules, "own_plugin", package)
+    monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path / "mine"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return type("Own", (Own,), {"__module__": "own_plugin.depth"})
+
+
+def put(tmp_path: Path, text: str) -> None:
+    (tmp_path / "mine" / "net").mkdir(parents=True, exist_ok=True)
+    (tmp_path / "mine" / "net" / "net.txt").write_text(text)
+
+
+def test_weights_are_found_by_the_manifest_of_the_package(own: type[Own], tmp_path: Path) -> None:
+    backend = own()
+    assert "physic weights fetch net" in backend.missing()[0]
+    assert backend.fingerprint() == ""
+    with pytest.raises(WeightsMissingError):
+        backend.load()
+    put(tmp_path, "2")
+    assert backend.missing() == ()
+    assert backend.fingerprint() != ""
+
+
+def test_a_backend_is_preprocess_network_and_postprocess(own: type[Own], tmp_path: Path) -> None:
+    put(tmp_path, "2")
+    backend = own()
+    with pytest.raises(BackendError, match="call load"):
+        backend.infer(PHOTO, Hints())
+    backend.load()
+    np.testing.assert_allclose(backend(PHOTO).depth, 2 * PHOTO.mean(axis=-1) + 1, rtol=1e-6)
+    backend.close()
+    with pytest.raises(BackendError, match="call load"):
+        backend.infer(PHOTO, Hints())
+
+
+def test_a_path_of_the_user_replaces_the_set(own: type[Own], tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("3")
+    backend = own(weights=str(tmp_path / "mine.txt"))
+    backend.load()
+    np.testing.assert_allclose(backend(PHOTO).depth, 3 * PHOTO.mean(axis=-1) + 1, rtol=1e-6)
+
+
+def test_torch_backends_refuse_a_device_that_is_not_there() -> None:
+    class Net(TorchBackend, MetricDepth):
+        pass
+
+    with pytest.raises(DeviceError):
+        Net().load("cuda:99")
+
+
+@pytest.mark.parametrize("full", [False, True])
+def test_batches_are_joined_in_order(full: bool) -> None:
+    sizes = []
+
+    def call(part: dict[str, Any]) -> list[Any]:
+        sizes.append(len(part["x"]))
+        return [2 * part["x"], torch.from_numpy(part["x"][:, 0])]
+
+    x = np.arange(10, dtype=np.float32).reshape(5, 2)
+    doubled, first = run_in_batches(call, {"x": x}, 2, full=full)
+    np.testing.assert_array_equal(doubled, 2 * x)
+    np.testing.assert_array_equal(first, x[:, 0])
+    assert sizes == ([2, 2, 2] if full else [2, 2, 1])
+
+
+def test_a_network_that_does_not_keep_its_batch_is_an_error() -> None:
+    with pytest.raises(BackendError, match="batch"):
+        run_in_batches(lambda part: [part["x"][:1]], {"x": np.zeros((3, 2))}, 3)
+
+
+def test_pictures_are_normalised_as_on_numpy() -> None:
+    found = picture_tensor(np.stack([PHOTO, PHOTO[::-1]]), IMAGENET_MEAN, IMAGENET_STD)
+    np.testing.assert_allclose(found[:1], normalized_nchw(PHOTO, IMAGENET_MEAN, IMAGENET_STD), atol=1e-6)
+    np.testing.assert_allclose(found[1:], normalized_nchw(PHOTO[::-1], IMAGENET_MEAN, IMAGENET_STD), atol=1e-6)
+
+
+@pytest.mark.parametrize("align_corners", [False, True])
+def test_pictures_are_resized_as_by_torch(align_corners: bool) -> None:
+    plain = torch.from_numpy(normalized_nchw(PHOTO))
+    theirs = torch.nn.functional.interpolate(plain, (24, 32), mode="bilinear", align_corners=align_corners)
+    found = picture_tensor(PHOTO, size=(24, 32), align_corners=align_corners)
+    np.testing.assert_allclose(found, theirs, atol=1e-6)
