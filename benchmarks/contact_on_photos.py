@@ -8,8 +8,7 @@ the films of fits, and keeps the features of each person in a file of OUT; an in
 the scores of both halves of the photos, and with ``--write`` writes ``physic_core/engine/touch.json``, fitted on both.
 Half "development" chose the features: each of its pictures is scored by a fit to the others of the half. Half "held" is
 scored by a fit to half "development". A picture that stands in two sets is in one half. Photos of sport with walls and
-rails are also scored apart. ``people_farther`` of the embedded point map is printed, not written: median and spread
-over people on their feet.
+rails are also scored apart.
 
 The labels of DATA/photos lie beside the benchmark: two readers labelled them apart, from the pictures alone. A frame of
 a film counts half, since the frames of a film are not independent, and never for hands: people in these films hang on
@@ -65,7 +64,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "foot": ("distance", "depth beside"),
     "foot in the picture": ("lower than the other foot", "depth beside"),
     "hand": ("distance", "depth beside"),
-    "seat": ("distance", "depth beside", "thighs"),
+    "seat": ("distance", "depth beside", "bend at the hips"),
     "other": ("distance",),
 }
 """Kind of part -> its features, see :func:`physic_core.engine.contact.parts.part_features`."""
@@ -114,11 +113,7 @@ def main() -> int:
             for sample in samples:
                 keep_features(sample, pipeline, given.out)
         return 0
-    cases, ratios = cases_of(samples, given.out)
-    if len(ratios):
-        spread = 1.4826 * np.median(np.abs(ratios - np.median(ratios)))
-        print(f"people_farther: median {np.median(ratios):.3f}, spread {spread:.3f}, {len(ratios)} people")
-    fit_all(cases, write=given.write)
+    fit_all(cases_of(samples, given.out), write=given.write)
     return 0
 
 
@@ -173,8 +168,6 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
                     "box": (box * np.tile(factor, 2)).tolist(),
                     "parts": {part: {k: v[i] for k, v in each.items()} for part, each in kept[0].items()},
                     "lower": np.nan_to_num(e.stance.lower[i]).tolist(),
-                    "standing": float(e.stance.score[i]),
-                    "farther": list(e.scene.people_farther or ()),
                 }
             )
     file.parent.mkdir(parents=True, exist_ok=True)
@@ -182,12 +175,11 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
     print(sample.set, sample.name, len(people), file=sys.stderr, flush=True)
 
 
-def cases_of(samples: Sequence[Sample], out: Path) -> tuple[list[Case], Array]:
-    """Return the judged parts of the samples in OUT, and log(scale by soles / by torso) of people on their feet."""
+def cases_of(samples: Sequence[Sample], out: Path) -> list[Case]:
+    """Return the judged parts of the samples in OUT."""
     from physic_core.engine.contact.parts import kind_of_part
 
     cases: list[Case] = []
-    ratios = []
     for sample in samples:
         file = out / f"{sample.set}-{sample.name}.json"
         people = json.loads(file.read_text()) if file.exists() else []
@@ -203,10 +195,7 @@ def cases_of(samples: Sequence[Sample], out: Path) -> tuple[list[Case], Array]:
                 if kind == "foot":
                     lower = {"lower than the other foot": one["lower"][part.startswith("right")]}
                     cases.append(replace(case, kind="foot in the picture", features={**case.features, **lower}))
-            standing = any(touches for part, touches in judged.items() if part.endswith("foot"))
-            if sample.frame is None and standing and one["farther"] and np.isfinite(one["standing"]):
-                ratios.append(one["standing"] * one["farther"][1] + one["farther"][0])
-    return cases, np.array(ratios)
+    return cases
 
 
 def picture_name(sample: Sample) -> str:

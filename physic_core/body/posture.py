@@ -23,7 +23,7 @@ STANDING_DEG = 40.0
 """Largest bend of a body that stands, degrees. Body estimators bend the knees of standing people by up to 30."""
 
 _UPSIDE_DOWN_DEG = 135.0  # least angle of a trunk from up in the picture
-_SIDEWAYS_DEG = 60.0, 120.0
+_SIDEWAYS_DEG = 30.0  # largest angle of a trunk from the picture's horizontal
 
 
 def standing_legs(joints: Array, up: Array | None = None, *, trunk: bool = True) -> NDArray[np.bool_]:
@@ -109,8 +109,7 @@ def photo_turned_deg(joints: Array, floor: Plane | None) -> int:
         return 0
     if (np.abs(turned) > _UPSIDE_DOWN_DEG).all():
         return 180
-    low, high = _SIDEWAYS_DEG
-    sideways = any(((low < side * turned) & (side * turned < high)).all() for side in (-1, 1))
+    sideways = any((np.abs(side * turned - 90.0) < _SIDEWAYS_DEG).all() for side in (-1, 1))
     lying = floor is not None and (trunk_tilt_deg(people, floor.normal) > STANDING_DEG).any()
     return 90 if sideways and not lying and standing_legs(people).any(1).all() else 0
 

@@ -23,7 +23,6 @@ _NECK, _PELVIS = JOINT_INDEX["neck"], JOINT_INDEX["pelvis"]
 _HIPS, _KNEES = joint_pair("hip"), joint_pair("knee")
 
 _MAX_FINGER_KEYPOINTS = 10  # a joint set with more has keypoints of all finger joints
-_STRAIGHT_HIP_COSINE = 0.707  # 45 degrees
 
 
 def limb_part_indices(part_names: Sequence[str]) -> list[int]:
@@ -82,12 +81,11 @@ def _joint_of(landmark: str) -> str | None:
     return landmark if landmark in JOINT_INDEX and landmark != "head" else None
 
 
-def straight_hips(joints: Tensor) -> Tensor:
-    """Return which hips (B, 2) bool, left and right, are nearly straight: the thigh continues the line of the trunk.
+def hip_bends(joints: Tensor) -> Tensor:
+    """Return how far both hips are bent, (B, 2) radians, left and right; 0 where the thigh continues the trunk.
 
     Args:
         joints: (B, 55, 3) metres.
     """
-    trunk = torch.nn.functional.normalize(joints[:, _PELVIS] - joints[:, _NECK], dim=-1)
-    thighs = torch.nn.functional.normalize(joints[:, _KNEES] - joints[:, _HIPS], dim=-1)
-    return (thighs * trunk[:, None]).sum(-1) > _STRAIGHT_HIP_COSINE
+    trunk, thighs = joints[:, _PELVIS] - joints[:, _NECK], joints[:, _KNEES] - joints[:, _HIPS]
+    return torch.acos(torch.nn.functional.cosine_similarity(thighs, trunk[:, None], dim=-1).clamp(-1, 1))

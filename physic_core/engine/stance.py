@@ -1,9 +1,9 @@
 """Whether feet touch something, and what the picture shows beside feet, hands and seat, before people are placed.
 
 A foot that is much higher than the other one in the picture is in the air or farther away. And what a part of the body
-touches has its depth: somewhere beside the part, the depth map of the photo shows the depth of the part itself. Behind
-a part in the air, it is farther. This holds in any unit and wherever people are placed. The weights of both are in
-``touch.json``.
+touches has its depth: somewhere beside the part, or below the thighs, the depth map of the photo shows the depth of the
+part itself. Behind a part in the air, it is farther. This holds in any unit and wherever people are placed. The weights
+of both are in ``touch.json``.
 
 At the pixels of a foot on the ground, the depth map of the photo and that of the scene without people nearly agree: the
 ground continues behind the foot. A foot in the air has a gap, the logarithm of the ratio of both depths. A foot on a
@@ -38,7 +38,8 @@ _TOES = ("foot_tip", "big_toe")
 _MOST_TRUNKS = 1.0  # a foot that is still higher than the other one says no more
 _USUAL_BESIDE, _MOST_BESIDE = 0.1, 0.3  # of parts that nothing is known of; and where larger ones say no more
 
-_BESIDE_SHARE, _BESIDE_SEAT_SHARE = 0.1, 0.2  # of the height of a person's mask: background beside a part
+_BESIDE_SHARE, _BELOW_THIGH_SHARE = 0.1, 0.2  # of the height of a person's mask: background beside a part
+_THIGHS = 4  # row of the first of both thighs among the parts
 _FINGERS = 0.45  # of a forearm, from the wrist to the middle of the hand
 _QUANTILES = np.linspace(0.05, 0.95, 19)  # of the depths beside a part
 
@@ -66,23 +67,19 @@ class Stance(ShortRepr):
         lower: (N, 2) how much lower the foot is than the other one in the picture, in lengths of the trunk; NaN
             where unknown.
         beside: (N, 5) smallest difference of the logarithm of depth between feet, hands and seat and what the picture
-            shows beside each of them; NaN where unknown.
-        score: (N,) standard deviations from standing on the floor: about 0 for people who stand, negative for feet in
-            the air. Their rays meet the floor farther away, so that the scale by the soles is less than by the torso.
-            NaN where soles or torso are not visible, or the point map does not state ``people_farther``.
+            shows beside each of them, below the thighs for the seat; NaN where unknown.
         stands: (N, 2) probability that the foot stands on the floor, which is not the photo's without one.
     """
 
     lower: FloatArray
     beside: FloatArray
-    score: FloatArray
     stands: FloatArray
 
     @staticmethod
     def unknown(count: int) -> Stance:
         """Return the stance of N average people."""
-        feet, nothing = np.full((count, 2), np.nan), np.full(count, np.nan)
-        stance = Stance(feet, np.full((count, 5), np.nan), nothing, feet)
+        feet = np.full((count, 2), np.nan)
+        stance = Stance(feet, np.full((count, 5), np.nan), feet)
         return replace(stance, stands=_ON_FLOOR_SHARE * stance.touch)
 
     @property
@@ -95,6 +92,11 @@ class Stance(ShortRepr):
         """Probability (N, 2) that the foot touches floor, seat or support."""
         features = {"lower than the other foot": np.nan_to_num(self.lower), DEPTH_BESIDE: self.depth_beside[:, :2]}
         return np.asarray(1 / (1 + np.exp(-touch_log_odds("foot in the picture", features))))
+
+    @property
+    def stands_on_both_feet(self) -> BoolArray:
+        """People (N,) both of whose feet probably stand on the floor."""
+        return np.asarray((self.stands >= LEAST_PROBABILITY).all(1))
 
     @property
     def in_air(self) -> BoolArray:
@@ -110,7 +112,7 @@ class Stance(ShortRepr):
             return found
 
         stands = wider(self.stands, Stance.unknown(1).stands[0])
-        return Stance(wider(self.lower), wider(self.beside), wider(self.score), stands)
+        return Stance(wider(self.lower), wider(self.beside), stands)
 
 
 def touch_in_picture(points: FloatArray, names: Sequence[str]) -> FloatArray:
@@ -151,22 +153,22 @@ def depth_beside(people: ObservedPeople, photo: Tensor) -> FloatArray:
     """
     log, masks = photo.log(), people.masks.cpu()
     background = ~dilate_square(masks.any(0), _MARGIN_PX)
-    found = np.full((len(masks), 5), np.nan)
+    found = torch.full((len(masks), _THIGHS + 2), torch.nan, dtype=torch.float64)
     for i, mask in enumerate(masks):
         size = _height_px(mask)
         for k, places in enumerate(_places_of_parts(people.keypoints[i].cpu(), people.skeleton.names)):
             if not bool(torch.isfinite(places).all()):
                 continue
-            share = _BESIDE_SEAT_SHARE if len(places) == 1 else _BESIDE_SHARE
+            share = _BESIDE_SHARE if k < _THIGHS else _BELOW_THIGH_SHARE
             own = torch.cat([_around(log, mask, place, max(2.0, _RADIUS_SHARE * size)) for place in places])
-            others = _around(log, background, places.mean(0), _MARGIN_PX + share * size)
+            others = _around(log, background, places.mean(0), _MARGIN_PX + share * size, below=k >= _THIGHS)
             if min(len(own), len(others)) >= _MIN_PIXELS:
                 found[i, k] = np.abs(np.quantile(others.numpy(), _QUANTILES) - np.median(own.numpy())).min()
-    return found
+    return torch.cat([found[:, :_THIGHS], found[:, _THIGHS:].nanmean(1, keepdim=True)], 1).numpy()
 
 
 def _places_of_parts(points: Tensor, names: Sequence[str]) -> list[Tensor]:
-    """Return places (n, 2) px on both feet, both hands and the seat, from keypoints (J, 2); NaN where unknown."""
+    """Return places (n, 2) px on both feet, both hands and both thighs, from keypoints (J, 2); NaN where unknown."""
     row = {name: j for j, name in enumerate(names)}
     toe = next((name for name in _TOES if f"left_{name}" in row), "")
 
@@ -178,7 +180,8 @@ def _places_of_parts(points: Tensor, names: Sequence[str]) -> list[Tensor]:
     for side in SIDES:
         wrist = at(f"{side}_wrist")
         hands.append(torch.stack([wrist, wrist + _FINGERS * (wrist - at(f"{side}_elbow"))]))
-    return [*feet, *hands, torch.stack([at(f"{side}_hip") for side in SIDES]).mean(0, keepdim=True)]
+    thighs = [torch.stack([at(f"{side}_{end}") for end in ("hip", "knee")]).mean(0, keepdim=True) for side in SIDES]
+    return [*feet, *hands, *thighs]
 
 
 def _height_px(mask: Tensor) -> float:
@@ -236,10 +239,7 @@ def depth_gaps_at_feet(
     gaps = torch.full((len(keypoints), 2), torch.nan, dtype=torch.float64)
     on_furniture = torch.zeros(len(keypoints), 2, dtype=torch.bool)
     for i, mask in enumerate(masks):
-        rows = mask.any(1).nonzero()
-        if not len(rows):
-            continue
-        size = float(rows[-1] - rows[0] + 1)
+        size = _height_px(mask)
         for k, side in enumerate(SIDES):
             toe = next((row[f"{side}_{name}"] for name in ("foot_tip", "big_toe") if f"{side}_{name}" in row), None)
             ends = [j for j in (row.get(f"{side}_heel"), toe) if j is not None and confidence[i, j] >= _MIN_CONFIDENCE]
@@ -264,11 +264,11 @@ def depth_gaps_at_feet(
     return gaps, on_furniture
 
 
-def _around(values: Tensor, mask: Tensor, place: Tensor, radius: float) -> Tensor:
-    """Return the finite values (n,) of a person's pixels in a square around a place (2,) px."""
+def _around(values: Tensor, mask: Tensor, place: Tensor, radius: float, *, below: bool = False) -> Tensor:
+    """Return the finite values (n,) of a mask in a square around a place (2,) px, or in its lower half alone."""
     height, width = mask.shape
     x, y = (float(v) for v in place)
     columns = slice(max(0, round(x - radius)), min(width, max(0, round(x + radius) + 1)))
-    rows = slice(max(0, round(y - radius)), min(height, max(0, round(y + radius) + 1)))
+    rows = slice(max(0, round(y if below else y - radius)), min(height, max(0, round(y + radius) + 1)))
     chosen = values[rows, columns][mask[rows, columns]]
     return chosen[torch.isfinite(chosen)]

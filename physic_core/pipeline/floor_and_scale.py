@@ -152,13 +152,11 @@ def find_floor_and_scale(
     best = int(np.argmax(scores if vote is None else vote.weights))
     search, soles = chosen_floor(candidates, best, evidence), planes[best].soles
     plane = plane_of(search)
-    spread = math.nan if given.photo.people_farther is None else given.photo.people_farther[1]
-    stance = replace(seen.stance, score=np.log(soles.scale / seen.torsos.scale) / spread)
     sized = np.isfinite([seen.torsos.scale, *(p.soles.scale for p in planes)]).any()
     if vote is None or not sized:
-        return FloorAndScale(search, plane, *_guessed(scene, plane), stance)
+        return FloorAndScale(search, plane, *_guessed(scene, plane), seen.stance)
     stands = sum(w * _stands(vote, p, seen) for w, p in zip(vote.weights.tolist(), planes, strict=True))
-    stance = replace(stance, stands=np.where(seen.feet, stands, stance.stands))
+    stance = replace(seen.stance, stands=np.where(seen.feet, stands, seen.stance.stands))
     notes = _notes(vote, soles, seen.torsos, seen.feet & (stance.stands > _STANDS))
     rescaled = None if depth is None or own is None else rescaled_depth(depth, own, vote, notes)
     return FloorAndScale(search, plane, replace(vote.scale, notes=notes), "", stance, rescaled)

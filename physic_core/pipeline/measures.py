@@ -10,14 +10,20 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from physic_core.body.posture import standing_legs
 from physic_core.engine.contact.distance import SEARCH_RADIUS_M
+from physic_core.engine.contact.parts import SEAT
+from physic_core.engine.touch import LEAST_PROBABILITY
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_areas
 from physic_core.geometry.visibility import facing_camera, inside_mask
+from physic_core.types.skeletons import SIDES
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from torch import Tensor
+
+    from physic_core.body.model import BodyModel
 
 
 @dataclass(frozen=True)
@@ -35,7 +41,6 @@ class UpAndFloor:
 
 _FACING_DEG = 70.0  # degrees; vertices beyond lie at the rim, where one pixel of the mask decides
 _DOWNWARD = -0.3  # cosine between a normal and up: supporting vertices face down
-_LOWEST_M = 0.1  # metres above the lowest vertex: the feet of a standing person
 _MIN_VERTICES = 20  # vertices with a depth, for a median
 _MOST = 0.9  # quantile of the ways of moved points
 
@@ -60,27 +65,39 @@ def visible_share(
     return float((area * inside_mask(project(vertices, K), mask)).sum()) / total if total > 0 else None
 
 
+def carrying_vertices(model: BodyModel, parts: Mapping[str, Tensor]) -> Tensor:
+    """Return the vertices (N, V) bool that may carry: no foot in the air, and of people who stand the feet alone.
+
+    Args:
+        model: body model of N people.
+        parts: body part -> (N,) probability that it touches; if it is empty, all outer vertices may carry, (V,).
+    """
+    if not parts:
+        return model.outer
+    feet = torch.stack([model.part_of_vertex == model.part_names.index(f"{side}_foot") for side in SIDES])
+    touch = torch.stack([parts[f"{side}_foot"] for side in SIDES], 1) >= LEAST_PROBABILITY
+    stands = touch.all(1) & (parts[SEAT] < LEAST_PROBABILITY)
+    in_air = (~touch[:, :, None] & feet).any(1)
+    return model.outer & ~in_air & (feet.any(0) | ~stands[:, None])
+
+
 def support_gap(
-    vertices: Tensor, joints: Tensor, normals: Tensor, may_touch: Tensor, distance: Tensor, ground: UpAndFloor
+    vertices: Tensor, normals: Tensor, may_carry: Tensor, distance: Tensor, ground: UpAndFloor
 ) -> float | None:
     """Compute the gap between supporting vertices and the nearest surface or floor, metres; 0 if they touch.
 
-    The supporting vertices are the feet of a standing person, and all downward-facing vertices otherwise. With no
-    surface within the search radius the gap is the height above the floor, or that radius without a floor; None if no
-    vertex may touch anything.
+    The supporting vertices are those that may carry and face down. With no surface within the search radius the gap is
+    the height above the floor, or that radius without a floor; None without such vertices.
 
     Args:
         vertices: (V, 3).
-        joints: (55, 3).
         normals: (V, 3) unit, out of the body.
-        may_touch: (V,) bool.
+        may_carry: (V,) bool.
         distance: (V,) signed, to scene or floor; inf beyond ``SEARCH_RADIUS_M``.
         ground: of the scene.
     """
     height = vertices @ ground.up
-    supporting = may_touch & (normals @ ground.up < _DOWNWARD)
-    if supporting.any() and standing_legs(joints.detach().cpu().numpy()).all():
-        supporting = supporting & (height < float(height[supporting].min()) + _LOWEST_M)
+    supporting = may_carry & (normals @ ground.up < _DOWNWARD)
     if not supporting.any():
         return None
     gap = float(distance[supporting].min())

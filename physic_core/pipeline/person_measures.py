@@ -7,16 +7,22 @@ from typing import TYPE_CHECKING
 
 import torch
 
+from physic_core.engine.contact.parts import SEAT, kind_of_part
 from physic_core.engine.joint.solve import DEEP_M
 from physic_core.engine.limbs import observed_parts
-from physic_core.engine.touch import LEAST_PROBABILITY
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.visibility import depth_order_violations
-from physic_core.pipeline.measures import UpAndFloor, clearance, depth_ratio, sole_height, support_gap, visible_share
+from physic_core.pipeline.measures import (
+    UpAndFloor,
+    carrying_vertices,
+    clearance,
+    depth_ratio,
+    sole_height,
+    support_gap,
+    visible_share,
+)
 from physic_core.pipeline.silhouettes import PhotoEvidence, compare_silhouettes
-from physic_core.types.contacts import ContactPartner
-from physic_core.types.skeletons import SIDES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -42,11 +48,7 @@ def measure_people(problem: JointProblem, result: JointResult, found: ContactRes
         ground = UpAndFloor(problem.floor_normal.to(ground.up), problem.floor_offset * scale)
     soles = model.soles
     outward = vertex_normals(result.vertices, model.faces)
-    may_carry = model.outer.expand_as(found.contact)
-    for side in SIDES if found.parts else ():
-        in_air = found.parts[f"{side}_foot"] < LEAST_PROBABILITY
-        foot = model.part_of_vertex == model.part_names.index(f"{side}_foot")
-        may_carry = may_carry & ~(in_air[:, None] & foot)
+    may_carry = carrying_vertices(model, found.parts).expand_as(found.contact)
     if found.probability is not None:
         may_carry = may_carry & observed_parts(model.part_names, problem.observed_anywhere)[:, model.part_of_vertex]
     silhouettes = compare_silhouettes(result.vertices, model.faces, _photo_evidence(problem, scale))
@@ -62,6 +64,7 @@ def measure_people(problem: JointProblem, result: JointResult, found: ContactRes
         seen = visible_share(body, normals, model.faces, model.outer, mask, problem.K) if bool(mask.any()) else None
         measured[i] = {
             **_balance(support),
+            "seat_missing": _missing_seat(support, found, i),
             **silhouettes[i],
             **_known("depth_offset", result.depth_offset[i]),
             **_known("reprojection_share", result.reprojection_share[i]),
@@ -69,7 +72,7 @@ def measure_people(problem: JointProblem, result: JointResult, found: ContactRes
             "clearance_m": clearance(body, distance, ground),
             "sole_height_m": sole_height(body, soles, ground),
             "seen_share": seen,
-            "support_gap_m": support_gap(body, result.joints[i], normals, may_carry[i], distance, ground),
+            "support_gap_m": support_gap(body, normals, may_carry[i], distance, ground),
         }
         if problem.human_depth is not None:
             measured[i] |= {"depth_ratio": ratios[i], "reversed_depth": reversed_depth[i]}
@@ -135,15 +138,20 @@ def depth_ratios(problem: JointProblem, result: JointResult) -> list[float | Non
 
 
 def _balance(support: Support) -> dict[str, float | None]:
-    """Return the distance of the centre of mass from the supports, metres, whether a hidden one is assumed, and the
-    probability of a hidden seat."""
+    """Return the distance of the centre of mass from the supports, metres, and whether a hidden one is assumed."""
     outside = support.outside_m
-    seats = [one.probability or 0.0 for one in support.contacts if one.partner == ContactPartner("hidden", "seat")]
     return {
         "balance_m": None if outside is None else max(0.0, outside),
         "assumed_support": float(bool(support.hidden)),
-        "hidden_seat": max(seats, default=0.0),
     }
+
+
+def _missing_seat(support: Support, found: ContactResult, person: int) -> float | None:
+    """Return the probability that a person sits; 0 if a seat was found, None if the method estimates none."""
+    if not found.parts:
+        return None
+    on = (one for one in support.contacts if kind_of_part(one.part) == SEAT and one.partner.kind != "hidden")
+    return 0.0 if any(on) else float(found.parts[SEAT][person])
 
 
 def _photo_evidence(problem: JointProblem, scale: float) -> PhotoEvidence:

@@ -16,7 +16,7 @@ from physic_core.engine.contact.skin import SkinDistances
 from physic_core.types import NO_PARTNER, BodyContact, ContactPartner
 
 NAMES = ("unknown", "floor", "seat", "table", "wall")
-UP = torch.tensor([0.0, -1.0, 0.0])
+UP, BACK = torch.tensor([0.0, -1.0, 0.0]), torch.tensor([0.0, 0.0, -1.0])
 
 
 def square(height: float, x: float = 0.0) -> torch.Tensor:
@@ -26,12 +26,13 @@ def square(height: float, x: float = 0.0) -> torch.Tensor:
     return torch.stack([a + x, torch.full_like(a, -height), b + 2], -1).reshape(-1, 3)
 
 
-def parts_of(*squares: tuple[torch.Tensor, str, bool]) -> tuple[torch.Tensor, SceneParts]:
+def parts_of(*squares: tuple[torch.Tensor, str, bool], normal: torch.Tensor = UP) -> tuple[torch.Tensor, SceneParts]:
     points = torch.cat([points for points, _, _ in squares])
     label = torch.cat([torch.full((len(p),), NAMES.index(name)) for p, name, _ in squares])
     seen = torch.cat([torch.full((len(p),), seen) for p, _, seen in squares])
-    row = torch.arange(len(points))
-    return points, scene_parts(points, UP.expand_as(points), row, ClassifiedPoints(NAMES, label, seen), -points[:, 1])
+    classes = ClassifiedPoints(NAMES, label, seen)
+    rows = torch.arange(len(points))
+    return points, scene_parts(points, normal.expand_as(points), rows, classes, -points[:, 1], UP)
 
 
 def test_surfaces_of_one_class_that_are_apart_have_different_ids():
@@ -48,6 +49,12 @@ def test_a_hidden_point_has_the_class_of_the_nearest_visible_one_and_a_raised_on
     )
     assert parts.ground[:400].all()
     assert {NAMES[label] for label in parts.label[-400:].tolist()} == {"seat"}
+
+
+@pytest.mark.parametrize(("normal", "name"), [(UP, "unknown"), (BACK, "wall")])
+def test_a_surface_that_faces_up_is_no_wall_whatever_its_label(normal: torch.Tensor, name: str):
+    _, parts = parts_of((square(0.45), "wall", True), normal=normal)
+    assert set(parts.label.tolist()) == {NAMES.index(name) or -1}
 
 
 def test_points_without_a_class_are_surfaces_by_their_connection():
@@ -92,7 +99,7 @@ def test_each_contact_vertex_has_its_partner():
 
 @pytest.mark.parametrize(("label", "facing", "name"), [("wall", 1.0, ""), ("wall", 0.0, "wall"), ("seat", 1.0, "seat")])
 def test_a_part_that_rests_on_a_surface_does_not_rest_on_a_wall(label: str, facing: float, name: str):
-    _, parts = parts_of((square(0.45), label, True))
+    _, parts = parts_of((square(0.45), label, True), normal=BACK)
     far, touched = torch.full((1, 4), torch.inf), torch.zeros(1, 4, dtype=torch.int64)
     skin = SkinDistances(far, touched, touched)
     surface = SurfaceDistances(torch.zeros(1, 4), far, torch.arange(4)[None])

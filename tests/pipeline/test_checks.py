@@ -16,6 +16,7 @@ from physic_core.body import load_body
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.contact.distance import SEARCH_RADIUS_M
 from physic_core.engine.settings import EngineSettings
+from physic_core.engine.stance import Stance
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.pipeline.checks import (
     CHECKS,
@@ -27,7 +28,14 @@ from physic_core.pipeline.checks import (
     warning_messages,
 )
 from physic_core.pipeline.checks.result import Measurement, compare_with_threshold
-from physic_core.pipeline.measures import UpAndFloor, depth_ratio, sole_height, support_gap, visible_share
+from physic_core.pipeline.measures import (
+    UpAndFloor,
+    carrying_vertices,
+    depth_ratio,
+    sole_height,
+    support_gap,
+    visible_share,
+)
 from physic_core.pipeline.person_measures import reversed_depths
 from physic_core.types import CameraTrust, CheckResult, CheckState, Grade, Intrinsics, Plane, skeleton_named
 
@@ -81,8 +89,8 @@ def case(**changes: Any) -> tuple[Any, Any, EngineSettings]:
     known = {"report": {}, "failure": "", "legs": True, "sigma": 0.1, "scale": 1.0, "camera": CAMERA, "lean": 0.0}
     known |= {"joints": None, "scene_share": 0.9, "photo_share": 0.9, "floor": "found", "mask": True, "lost": ()}
     known |= {"scene_camera": CAMERA, "off": 0.0, "moved": 0, "unposed": ()}
-    known |= {"shoulders": True, "shown": True} | changes
-    assert len(known) == 19, sorted(known)
+    known |= {"shoulders": True, "shown": True, "stands": (0.9, 0.9)} | changes
+    assert len(known) == 20, sorted(known)
     observed = np.ones((1, 55), bool)
     observed[0, [16, 17]] = known["shoulders"]
     observed[0, [4, 7]] = known["legs"]
@@ -91,6 +99,7 @@ def case(**changes: Any) -> tuple[Any, Any, EngineSettings]:
     evidence = SimpleNamespace(
         bodies=SimpleNamespace(observed=observed),
         views=(),
+        stance=replace(Stance.unknown(1), stands=np.array([known["stands"]])),
         depth=SimpleNamespace(intrinsics=None),
         missing_results=(known["lost"],),
         keypoints=keypoints_at(joints, known["camera"], known["off"], known["moved"]),
@@ -182,9 +191,10 @@ def test_what_fails_of_a_photo_and_is_its_warning(changes: dict[str, Any], name:
         ({"report": {"clearance_m": 0.28}, "legs": False}, ("legs_seen", "support")),
         ({"report": {"sole_height_m": 0.25}}, ("sole_height",)),
         ({"report": {"sole_height_m": 0.25}, "legs": False}, ("legs_seen",)),
-        ({"report": {"sole_height_m": 0.25}, "joints": bent()}, ()),
+        ({"report": {"sole_height_m": 0.25}, "joints": bent()}, ("sole_height",)),
+        ({"report": {"sole_height_m": 0.25}, "stands": (0.9, 0.3)}, ()),
         ({"report": {"sole_height_m": -2.3}}, ("sole_height",)),
-        ({"report": {"sole_height_m": -2.3}, "joints": bent(), "legs": False}, ("legs_seen", "sole_height")),
+        ({"report": {"sole_height_m": -2.3}, "stands": (0.3, 0.3), "legs": False}, ("legs_seen", "sole_height")),
         ({"report": {"low_depth_ratio": 0.5}}, ("low_depth",)),
         ({"off": 30.0, "moved": 3}, ("limb_keypoints", "limb_joint")),
         ({"off": 30.0, "moved": 3, "shown": False}, ("limb_keypoints",)),
@@ -253,7 +263,11 @@ def test_a_value_at_its_bound_holds_and_beyond_it_does_not() -> None:
     [
         ({"floor": "no_pixels"}, ("placed", "floating", "lean", "bend", "floor_mask"), "no floor was found"),
         ({"floor": "no_pixels", "report": {"sole_height_m": -2.3}}, ("sole_height",), "no floor was found"),
-        ({"joints": bent(), "report": {"sole_height_m": 0.3}}, ("sole_height",), "this person does not stand straight"),
+        (
+            {"stands": (0.9, 0.3), "report": {"sole_height_m": 0.3}},
+            ("sole_height",),
+            "this person does not stand on both feet",
+        ),
         ({"mask": None}, ("floor_mask",), "the segmenter returned no floor pixels"),
         ({}, ("trunk_tilt",), "fewer than two people have a body"),
         ({}, ("support",), "there is no floor and no surface near the body"),
@@ -400,7 +414,7 @@ class Body:
         self.free = torch.full((len(self.vertices),), torch.inf)
 
     def gap(self, distance: torch.Tensor, floor: float | None) -> float | None:
-        return support_gap(self.vertices, self.joints, self.normals, self.outer, distance, UpAndFloor(self.up, floor))
+        return support_gap(self.vertices, self.normals, self.outer, distance, UpAndFloor(self.up, floor))
 
 
 def test_a_mask_of_the_upper_half_shows_half_of_a_body() -> None:
@@ -432,13 +446,29 @@ def test_the_soles_are_above_or_below_the_floor(lift: float) -> None:
     assert sole_height(body.vertices, soles, UpAndFloor(body.up, None)) is None
 
 
+def likely(feet: float, seat: float) -> dict[str, torch.Tensor]:
+    parts = {"left_foot": 0.9, "right_foot": feet, "seat": seat}
+    return {name: torch.tensor([p]) for name, p in parts.items()}
+
+
 def test_a_hand_on_a_table_does_not_carry_a_standing_person() -> None:
-    body = Body(lift=0.2)
+    body, model = Body(lift=0.2), load_body()
+    body.outer = carrying_vertices(model, likely(feet=0.9, seat=0.1))[0]
     near = body.free.clone()
-    near[load_body().contact_sets["left_hand"]] = 0.01
+    near[model.contact_sets["left_hand"]] = 0.01
     assert body.gap(near, body.floor) == pytest.approx(0.2, abs=1e-6)
-    near[load_body().contact_sets["left_sole"]] = 0.02
+    near[model.contact_sets["left_sole"]] = 0.02
     assert body.gap(near, body.floor) == pytest.approx(0.02)
+
+
+def test_hands_carry_people_who_do_not_stand_and_feet_in_the_air_carry_nobody() -> None:
+    model = load_body()
+    hand, sole = model.contact_sets["left_hand"], model.contact_sets["right_sole"]
+    for feet, seat in ((0.1, 0.1), (0.9, 0.9)):
+        carry = carrying_vertices(model, likely(feet, seat))[0]
+        assert carry[hand].any()
+        assert bool(carry[sole].any()) == (feet > 0.5)
+    assert torch.equal(carrying_vertices(model, {}), model.outer)
 
 
 def test_a_person_without_visible_parts_has_no_support_gap() -> None:

@@ -27,7 +27,7 @@ from physic_core.engine.contact.distance import (
 from physic_core.engine.contact.problem import ContactInput
 from physic_core.engine.contact.scene_parts import SceneParts, scene_parts
 from physic_core.engine.contact.skin import OWN_RADIUS_M, SkinDistances, own_distances, people_distances
-from physic_core.engine.limbs import straight_hips
+from physic_core.engine.limbs import hip_bends
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.plane import height_over_plane
 
@@ -40,6 +40,7 @@ KINDS = ("scene", "person", "own body", "object")
 Columns: TypeAlias = Mapping[str, Tensor]
 
 _LOG_UNIT_M = 0.01
+_STRAIGHT_HIP = np.pi / 4  # radians between thigh and trunk
 _GAP_VERTICES = 5
 
 
@@ -79,7 +80,7 @@ def measure_distances(given: ContactInput, measure: DistanceMeasure, *, skin: bo
     height = None
     if given.plane is not None:
         height = height_over_plane(around.scene.points, given.up, vertices.new_tensor(given.plane[1]))
-    parts = scene_parts(around.scene.points, around.scene.normals, around.row, given.classes, height)
+    parts = scene_parts(around.scene.points, around.scene.normals, around.row, given.classes, height, given.up)
     if skin:
         rest = model(*model.zero_pose()).vertices[0]
         people = people_distances(vertices, normals, model.outer, SEARCH_RADIUS_M)
@@ -155,7 +156,8 @@ def _own_columns(given: ContactInput, skin: SkinDistances) -> dict[str, Tensor]:
     # One of two clasped hands usually hides the other: the place of a hand that the photo shows is known.
     seen = given.seen | (given.seen & hands).gather(1, skin.vertex)
     shared = _shared_columns(skin.distance, part * len(given.model.part_names) + part[skin.vertex], seen)
-    hip = straight_hips(given.joints)[:, given.part("right_upper_leg", "right_hand", "right_lower_arm").long()]
+    straight = hip_bends(given.joints) < _STRAIGHT_HIP
+    hip = straight[:, given.part("right_upper_leg", "right_hand", "right_lower_arm").long()]
     at_thigh = (arms & thighs[skin.vertex]) | (thighs & arms[skin.vertex])
     hand = near & (hands | hands[skin.vertex])
     return shared | {

@@ -11,6 +11,7 @@ from torch import Tensor
 from physic_core.engine.contact.features import KINDS, Distances
 from physic_core.engine.contact.probability import ContactModel, mean_of_surest
 from physic_core.engine.contact.regions import ContactRegions, are_adjacent, is_farther_out
+from physic_core.engine.contact.scene_parts import UPRIGHT_CLASSES
 from physic_core.types.contacts import NO_PARTNER, BodyContact, ContactPartner
 
 HIDDEN, HIDDEN_SEAT = len(KINDS), len(KINDS) + 1
@@ -21,7 +22,6 @@ DECIMALS = 4
 
 _MIN_VERTICES = 3  # of a contact that is listed
 _DENT_QUANTILE = 0.9  # of the depths of a part's vertices in a dent
-_UPRIGHT = ("wall", "ceiling", "window")  # surfaces on which nothing rests
 _RESTS = -0.3  # cosine between up and the mean normal of touching skin; below it, the part rests on what it touches
 
 
@@ -78,7 +78,7 @@ def assign_partners(
             rows = on_scene & (surface == own)
             label = int(parts.label[surfaces.point[rows]].mode().values)
             name = parts.names[label] if label >= 0 else ""
-            nameless = rests if name in _UPRIGHT else torch.zeros_like(rests)
+            nameless = rests if name in UPRIGHT_CLASSES else torch.zeros_like(rests)
             add(rows & ~nameless, ContactPartner("scene", name, id=number))
             add(rows & nameless, ContactPartner("scene", id=number))
     for kind, skin in (("person", near.people), ("own body", near.own)):

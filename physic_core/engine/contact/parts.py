@@ -13,13 +13,13 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from physic_core.body.joints import joint_pair
 from physic_core.body.model import BodyModel
 from physic_core.engine.contact.distance import SEARCH_RADIUS_M
 from physic_core.engine.contact.features import Distances
 from physic_core.engine.contact.probability import contact_model
 from physic_core.engine.contact.problem import ContactInput
 from physic_core.engine.contact.regions import contact_regions
+from physic_core.engine.limbs import hip_bends
 from physic_core.engine.stance import Stance
 from physic_core.engine.touch import DEPTH_BESIDE, DISTANCE, touch_log_odds
 from physic_core.types.skeletons import SIDES
@@ -30,7 +30,7 @@ SEAT = "seat"
 _KIND_OF = {"foot": "foot", "hand": "hand", "seat": SEAT, "upper_leg": SEAT}
 _GAP_VERTICES = 5
 _SIGMA_M = 0.05  # standard deviation of the distance of a part from the scene
-_HIPS, _KNEES = joint_pair("hip"), joint_pair("knee")
+_MOST_BEND = 1.7  # radians; people who bend more do not sit more probably
 
 
 def scene_parts_of_body(model: BodyModel) -> dict[str, Tensor]:
@@ -104,8 +104,8 @@ def nearness(rise: Tensor, facing: Tensor, far_m: Tensor, power: Tensor) -> Tens
 def part_features(given: ContactInput, gap: Tensor) -> dict[str, dict[str, Tensor]]:
     """Return part -> name of a feature -> values (N,): one reason for or against contact of the part with the scene.
 
-    "distance" is that of the part in standard deviations, 0 inside, and at most that of the search radius. "thighs" is
-    the mean elevation of both thighs, radians; 0 is horizontal. "depth beside" is that of the stance.
+    "distance" is that of the part in standard deviations, 0 inside, and at most that of the search radius. "bend at the
+    hips" is the smaller angle between trunk and thighs, radians; 0 is straight. "depth beside" is that of the stance.
 
     Args:
         given: bodies, and what the photo shows of them.
@@ -114,20 +114,15 @@ def part_features(given: ContactInput, gap: Tensor) -> dict[str, dict[str, Tenso
     joints = given.joints
     stance = given.stance or Stance.unknown(len(joints))
     beside = torch.tensor(stance.depth_beside).to(joints)
-    thighs = joints[:, _KNEES] - joints[:, _HIPS]
-    sine = (thighs @ given.up) / thighs.norm(dim=-1)
-    level = torch.asin(sine.clamp(-1, 1)).mean(1).nan_to_num()
+    bend = hip_bends(joints).amin(1).clamp(max=_MOST_BEND).nan_to_num()
     found: dict[str, dict[str, Tensor]] = {}
     for name, own in zip(scene_parts_of_body(given.model), gap.T, strict=True):
         found[name] = {DISTANCE: torch.relu(own).clamp(max=SEARCH_RADIUS_M) / _SIGMA_M}
         side = SIDES.index(name.partition("_")[0]) if name.startswith(SIDES) else 0
-        match kind_of_part(name):
-            case "foot":
-                found[name][DEPTH_BESIDE] = beside[:, side]
-            case "hand":
-                found[name][DEPTH_BESIDE] = beside[:, 2 + side]
-            case "seat":
-                found[name] |= {"thighs": level, DEPTH_BESIDE: beside[:, 4]}
+        column = {"foot": side, "hand": 2 + side, SEAT: 4}.get(kind_of_part(name))
+        if column is not None:
+            found[name][DEPTH_BESIDE] = beside[:, column]
+    found[SEAT]["bend at the hips"] = bend
     return found
 
 

@@ -14,7 +14,11 @@ from torch import Tensor
 GROUND_CLASSES = ("floor", "ground", "rug")
 """Classes of :data:`physic_core.types.SURFACE_NAMES` that are the floor."""
 
+UPRIGHT_CLASSES = ("wall", "ceiling", "window")
+"""Classes of surfaces on which nothing rests."""
+
 _NO_SURFACE = ("unknown", "person", "sky")
+_FACES_UP = 0.3  # cosine between up and the normal of a point that is no wall, whatever its label
 _NEIGHBOUR_M = 0.5  # within which a visible point gives its class to a hidden one
 _RAISED_M = 0.10  # over the floor, above which a hidden point is not the floor
 _CELL_M = 0.04  # of the grid in which the points are joined to surfaces
@@ -54,14 +58,15 @@ class SceneParts:
 
 
 def scene_parts(
-    points: Tensor, normals: Tensor, row: Tensor, classes: ClassifiedPoints, height: Tensor | None
+    points: Tensor, normals: Tensor, row: Tensor, classes: ClassifiedPoints, height: Tensor | None, up: Tensor
 ) -> SceneParts:
     """Find class and connected surface of scene points.
 
     A hidden point has the class of the nearest visible one, within half a metre. A hidden point more than 10 cm above
     the floor is not floor. Points within 4 cm of its plane are, whatever their class: labels around feet follow the
-    appearance of the feet. Points of one class are one surface if they are connected by steps of less than two cells of
-    4 cm. Without a class, their normals also agree within 37 degrees.
+    appearance of the feet. A point that faces up is no wall: its class is unknown if its label says so. Points of one
+    class are one surface if they are connected by steps of less than two cells of 4 cm. Without a class, their normals
+    also agree within 37 degrees.
 
     Args:
         points: (n, 3) metres.
@@ -69,13 +74,14 @@ def scene_parts(
         row: (n,) int64, row of each point in ``classes``; -1 for samples of the floor.
         classes: of all scene points.
         height: (n,) of the points above the floor, metres, or None.
+        up: (3,) unit.
     """
     names = classes.names
     raised = torch.zeros(len(points), dtype=torch.bool) if height is None else height.cpu() > _RAISED_M
     label = _labels(points, row, classes, raised)
+    label[_among(label, names, UPRIGHT_CLASSES) & ((normals @ up.to(normals)).cpu() > _FACES_UP)] = -1
     ground = row.cpu() < 0
-    floor_labels = torch.tensor([names.index(name) for name in GROUND_CLASSES if name in names], dtype=torch.int64)
-    ground = ground | (torch.isin(label, floor_labels) & ~raised)
+    ground = ground | (_among(label, names, GROUND_CLASSES) & ~raised)
     if height is not None:
         ground = ground | (height.cpu().abs() < _CELL_M)
     surface = _connected(points.cpu().double().numpy(), normals.cpu().double().numpy(), label.numpy(), ground.numpy())
@@ -89,13 +95,12 @@ def _labels(points: Tensor, row: Tensor, classes: ClassifiedPoints, raised: Tens
     if not len(points):
         return label
     row = row.cpu()
-    usable = torch.tensor([name not in _NO_SURFACE for name in classes.names])
-    floors = torch.tensor([name in GROUND_CLASSES for name in classes.names])
     given = torch.where(row >= 0, classes.label.cpu()[row], 0)
-    seen = (row >= 0) & classes.seen.cpu()[row] & usable[given]
+    floors = _among(given, classes.names, GROUND_CLASSES)
+    seen = (row >= 0) & classes.seen.cpu()[row] & ~_among(given, classes.names, _NO_SURFACE)
     label[seen] = given[seen]
     at = points.cpu().double().numpy()
-    for hidden, source in ((~seen & ~raised, seen), (~seen & raised, seen & ~floors[given])):
+    for hidden, source in ((~seen & ~raised, seen), (~seen & raised, seen & ~floors)):
         if bool(hidden.any()) and bool(source.any()):
             distance, index = cKDTree(at[source.numpy()], balanced_tree=False, compact_nodes=False).query(
                 at[hidden.numpy()], distance_upper_bound=_NEIGHBOUR_M
@@ -104,6 +109,11 @@ def _labels(points: Tensor, row: Tensor, classes: ClassifiedPoints, raised: Tens
             near = torch.from_numpy(np.where(np.isfinite(distance), index, 0))
             label[hidden] = torch.where(found, given[source][near], -1)
     return label
+
+
+def _among(label: Tensor, names: tuple[str, ...], chosen: tuple[str, ...]) -> Tensor:
+    """Return which labels (n,) bool have one of the chosen names."""
+    return torch.isin(label, torch.tensor([names.index(name) for name in chosen if name in names], dtype=label.dtype))
 
 
 def _connected(points: np.ndarray, normals: np.ndarray, label: np.ndarray, ground: np.ndarray) -> np.ndarray:

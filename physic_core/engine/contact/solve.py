@@ -49,7 +49,7 @@ def _find_supports(
             contact=outward[i],
             seen=seen[i],
             feet=_both(touch, "foot", i),
-            sits=float(touch.parts[SEAT][i]) if touch.parts else 0.0,
+            sits=bool(touch.parts) and float(touch.parts[SEAT][i]) >= LEAST_PROBABILITY,
             holds=_both(touch, "hand", i),
         )
         found.append(find_support(given.model, body, evidence, given.up, assume=method.assume_supports))
@@ -66,20 +66,21 @@ def _both(touch: Touch, limb: str, person: int) -> Tensor | None:
 def _with_hidden(given: ContactInput, touch: Touch, carried: tuple[PersonSupport | None, ...]) -> Touch:
     """Return the contacts with those of hidden supports.
 
-    The probability of a hidden seat is that of sitting; other hidden supports are more likely than not.
+    The probability of a seat, found or hidden, is that of sitting; other hidden supports are more likely than not.
     """
     kind, probability = touch.kind.clone(), None if touch.probability is None else touch.probability.clone()
     likely = {name: values.clone() for name, values in touch.parts.items()}
     vertices = scene_parts_of_body(given.model) if likely else {}
     for i, one in enumerate(carried):
-        if one is not None:
-            kind[i, one.hidden] = HIDDEN_SEAT if one.hidden_is_seat else HIDDEN
-            if probability is not None:
-                least = float(touch.parts[SEAT][i]) if one.hidden_is_seat else LEAST_PROBABILITY
-                probability[i, one.hidden] = probability[i, one.hidden].clamp(min=least)
-                for name, chosen in vertices.items():
-                    if bool((chosen & one.hidden).any()):
-                        likely[name][i] = likely[name][i].clamp(min=least)
+        if one is None:
+            continue
+        kind[i, one.hidden] = torch.where(one.seat[one.hidden], HIDDEN_SEAT, HIDDEN)
+        if probability is not None:
+            least = LEAST_PROBABILITY * one.hidden.to(probability)
+            least[one.seat] = touch.parts[SEAT][i]
+            probability[i] = probability[i].maximum(least)
+            for name, chosen in vertices.items():
+                likely[name][i] = likely[name][i].clamp(min=float(least[chosen].max()))
     return replace(touch, kind=kind, probability=probability, parts=likely)
 
 

@@ -1,10 +1,11 @@
 """Support of a person: contacts that can carry weight, balance of the body over them, and hidden supports.
 
-A person is balanced if the centre of mass is over the convex hull of the carrying contacts, or below hands that hold
+Who sits has a seat, whatever else balances the body: what buttocks and thighs touch from above, else a hidden one. A
+person is balanced if the centre of mass is over the convex hull of the carrying contacts, or below hands that hold
 something. Otherwise, the photo may not show the support. A hidden support is assumed only where the photo cannot show
-one, and if the body is balanced on it: a seat under sitting people, a bed under lying people, something under feet that
-the photo does not show, and a bar in the hands of people whose feet are in the air. Feet that the photo shows stand on
-what it shows, or on nothing. Camera frame, metres.
+one, and if the body is balanced on it: a bed under lying people, something under feet that the photo does not show, and
+a bar in the hands of people whose feet are in the air. Feet that the photo shows stand on what it shows, or on nothing.
+Camera frame, metres.
 """
 
 from __future__ import annotations
@@ -18,7 +19,6 @@ from torch import Tensor
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.model import BodyModel
 from physic_core.engine.contact.partner import DECIMALS
-from physic_core.engine.touch import LEAST_PROBABILITY
 from physic_core.types.contacts import BodyContact
 from physic_core.types.skeletons import SIDES
 from physic_core.types.support import Support, SupportState
@@ -58,14 +58,14 @@ class ContactEvidence:
         contact: (V,) bool, with scene, floor and other people.
         seen: (V,) bool, vertices on limbs that the photo shows.
         feet: (2,) bool, left and right foot that probably touch something; None if unknown.
-        sits: probability that buttocks or thighs rest on something.
+        sits: whether buttocks or thighs probably rest on something.
         holds: (2,) bool, left and right hand that probably touch the scene; None if unknown.
     """
 
     contact: Tensor
     seen: Tensor
     feet: Tensor | None = None
-    sits: float = 0.0
+    sits: bool = False
     holds: Tensor | None = None
 
     @property
@@ -82,7 +82,7 @@ class PersonSupport:
         state: how the person is carried.
         contact: (V,) bool, contacts that carry.
         hidden: (V,) bool, vertices on a hidden support.
-        hidden_is_seat: whether that support is a seat.
+        seat: (V,) bool, vertices on a seat, found or hidden; none without a person who sits.
         outside_m: distance of the centre of mass from the hull of both, negative inside; inf without contacts.
         centre: (3,) centre of mass, metres.
     """
@@ -90,7 +90,7 @@ class PersonSupport:
     state: SupportState
     contact: Tensor
     hidden: Tensor
-    hidden_is_seat: bool
+    seat: Tensor
     outside_m: float
     centre: Tensor
 
@@ -102,8 +102,7 @@ def find_support(
 
     Contacts whose skin faces down carry, as do hands above the centre of mass. If they do not balance the body, all
     contacts carry, such as a back against a wall: an upright surface alone carries no weight. If they do not balance it
-    either, the hidden support that balances the body best is assumed. Under people whose posture is sitting but who
-    touch no seat, a seat is assumed before feet alone can carry them. A support that balances the body only with
+    either, the hidden support that balances the body best is assumed. A support that balances the body only with
     contacts of limbs that the photo does not show also counts as assumed.
 
     Args:
@@ -116,40 +115,42 @@ def find_support(
     contact, vertices = evidence.contact, body.vertices
     centre = centre_of_mass(vertices, model.faces)
     none, outside = torch.zeros_like(contact), float("inf")
-    seat = _members(model, "thighs", "gluteus")
-    if assume and evidence.sits >= LEAST_PROBABILITY and not bool((contact & seat).any()):
-        patch = _lowest(body, seat, up)
-        if int(patch.sum()) >= _MIN_VERTICES:
+    level, seat = _level(model, body, contact, up), none
+    if evidence.sits:
+        under = _members(model, "thighs", "gluteus")
+        seat = level & under
+        patch = _lowest(body, under, up)
+        if assume and not bool(seat.any()) and int(patch.sum()) >= _MIN_VERTICES:
             outside = beside_hull(centre, vertices[contact | patch], up)
-            return PersonSupport(SupportState.ASSUMED, contact, patch, True, outside, centre)
-    for state, carrying in _carrying(model, body, contact, (vertices - centre) @ up > 0, up):
+            return PersonSupport(SupportState.ASSUMED, contact, patch, patch, outside, centre)
+    hands = _members(model, *(f"{side}_hand" for side in SIDES))
+    hold = contact & hands & ((vertices - centre) @ up > 0)
+    for state, carrying in _carrying(contact, level & ~hold, hold):
         outside = beside_hull(centre, vertices[carrying], up)
         if outside <= _BALANCE_M:
             seen = beside_hull(centre, vertices[carrying & evidence.seen], up) <= _BALANCE_M
-            return PersonSupport(state if seen else SupportState.ASSUMED, carrying, none, False, outside, centre)
+            return PersonSupport(state if seen else SupportState.ASSUMED, carrying, none, seat, outside, centre)
     airborne = evidence.in_air and not bool(contact.any())
     state = SupportState.AIRBORNE if airborne else SupportState.UNBALANCED
-    best = PersonSupport(state, contact, none, False, outside, centre)
+    best = PersonSupport(state, contact, none, seat, outside, centre)
     least = _BALANCE_M
-    for is_seat, patch in _hidden_supports(model, body, evidence, up) if assume else ():
+    for patch in _hidden_supports(model, body, evidence, up) if assume else ():
         outside = beside_hull(centre, vertices[contact | patch], up)
         if outside <= least and int(patch.sum()) >= _MIN_VERTICES:
-            best, least = (
-                PersonSupport(SupportState.ASSUMED, contact, patch & ~contact, is_seat, outside, centre),
-                outside,
-            )
+            best = PersonSupport(SupportState.ASSUMED, contact, patch & ~contact, seat, outside, centre)
+            least = outside
     return best
 
 
-def _carrying(
-    model: BodyModel, body: PosedPerson, contact: Tensor, raised: Tensor, up: Tensor
-) -> Iterator[tuple[SupportState, Tensor]]:
-    """Yield the contacts (V,) bool that may carry the person, the most certain first, with the state."""
-    hands = _members(model, *(f"{side}_hand" for side in SIDES))
-    hold = contact & hands & raised
-    level = contact & (body.normals @ up < _DOWNWARD) & ~hold
+def _level(model: BodyModel, body: PosedPerson, contact: Tensor, up: Tensor) -> Tensor:
+    """Return the contacts (V,) bool whose skin faces down, on body parts with enough of them to carry."""
+    level = contact & (body.normals @ up < _DOWNWARD)
     on_part = torch.bincount(model.part_of_vertex[level], minlength=len(model.part_names))
-    level &= (on_part >= _MIN_VERTICES)[model.part_of_vertex]
+    return level & (on_part >= _MIN_VERTICES)[model.part_of_vertex]
+
+
+def _carrying(contact: Tensor, level: Tensor, hold: Tensor) -> Iterator[tuple[SupportState, Tensor]]:
+    """Yield the contacts (V,) bool that may carry the person, the most certain first, with the state."""
     rests = bool(level.any())
     yield SupportState.BALANCED, level
     yield SupportState.BALANCED if rests else SupportState.HANGING, level | hold
@@ -157,19 +158,17 @@ def _carrying(
         yield SupportState.BALANCED, contact
 
 
-def _hidden_supports(
-    model: BodyModel, body: PosedPerson, evidence: ContactEvidence, up: Tensor
-) -> Iterator[tuple[bool, Tensor]]:
-    """Yield whether it is a seat, and the vertices (V,) bool on it, of each support that the photo cannot show."""
+def _hidden_supports(model: BodyModel, body: PosedPerson, evidence: ContactEvidence, up: Tensor) -> Iterator[Tensor]:
+    """Yield the vertices (V,) bool on each support that the photo cannot show."""
     soles = _members(model, *(f"{side}_sole" for side in SIDES))
     if not evidence.in_air and not bool((evidence.seen & soles).any()):
-        yield False, _lowest(body, soles, up)
+        yield _lowest(body, soles, up)
     trunk = torch.nn.functional.normalize(body.joints[_NECK] - body.joints[_PELVIS], dim=0)
     if abs(float(trunk @ up)) < _LEVEL_TRUNK_COSINE:
-        yield False, _lowest(body, model.outer, up)
+        yield _lowest(body, model.outer, up)
     if evidence.in_air and evidence.holds is not None and bool(evidence.holds.any()):
         held = (f"{side}_hand" for side, holds in zip(SIDES, evidence.holds, strict=True) if holds)
-        yield False, _members(model, *held)
+        yield _members(model, *held)
 
 
 def support_record(carried: PersonSupport, contacts: Sequence[BodyContact], listed: Sequence[BodyContact]) -> Support:

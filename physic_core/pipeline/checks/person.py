@@ -147,9 +147,9 @@ def _check_support(estimates: Estimates, solution: Solution, person: int) -> Ite
     )
     yield Measurement(
         "seat",
-        report.get("hidden_seat"),
-        "this person's posture is sitting, but the scene has nothing under them: do not use their seat",
-        unmeasured="nothing carries this person",
+        report.get("seat_missing"),
+        "this person may sit, but the scene has no seat under them: do not use their seat",
+        unmeasured="this preset estimates no probability of sitting",
     )
     yield Measurement(
         "balance",
@@ -157,7 +157,7 @@ def _check_support(estimates: Estimates, solution: Solution, person: int) -> Ite
         "the centre of mass is not over the support: the person moves, or the pose or a contact is wrong",
         unmeasured="nothing carries this person",
     )
-    yield _check_soles(solution, person, unknown)
+    yield _check_soles(estimates, solution, person, unknown)
     yield _check_lean(solution, person, unknown)
     yield _check_bend(solution, person)
 
@@ -208,13 +208,14 @@ def _check_size(estimates: Estimates, solution: Solution, person: int) -> Iterat
     )
 
 
-def _check_soles(solution: Solution, person: int, unknown: str | None) -> Measurement:
+def _check_soles(estimates: Estimates, solution: Solution, person: int, unknown: str | None) -> Measurement:
     """Compare the lower sole with the floor: people who stand touch it, and no person is below it."""
-    joints, height = solution.joints[person], solution.people[person].get("sole_height_m")
+    height = solution.people[person].get("sole_height_m")
     floor = _no_floor(solution)
     if floor is None and height is not None and height > 0:
         # Only the feet of people who stand and whose legs are visible must be on the floor.
-        floor = unknown or (None if standing_legs(joints).all() else "this person does not stand straight")
+        stands = bool(estimates.stance.stands_on_both_feet[person])
+        floor = unknown or (None if stands else "this person does not stand on both feet")
     side = "above" if (height or 0) > 0 else "below"
     return Measurement(
         "sole_height",
