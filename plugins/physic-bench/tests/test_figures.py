@@ -16,7 +16,9 @@ CONTACT = {column.key: column for column in contact_columns(lambda record: recor
 def records(*groups, key="error"):
     """A record for each value of each group."""
     return [
-        {"id": f"{g} {i}", "group": g, key: value} for g, values in enumerate(groups) for i, value in enumerate(values)
+        {"id": f"{g} {i}", "group": g, "found": True, key: value}
+        for g, values in enumerate(groups)
+        for i, value in enumerate(values)
     ]
 
 
@@ -43,6 +45,12 @@ def test_the_averages_of_contact_by_hand():
             "f1_pooled": 2 * 9 / (2 * 9 + 7 + 16),
         }
     )
+
+
+def test_a_person_without_a_body_scores_0():
+    (missed,) = records([counts(0, 0, 9)], key="contact")
+    found = {key: figure([missed | {"found": False}], column).value for key, column in CONTACT.items()}
+    assert set(found.values()) == {0}
 
 
 @given(st.lists(st.floats(1, 1000), min_size=2, max_size=12))
