@@ -75,18 +75,6 @@ class GraphSignature:
     by_position: bool = False
 
 
-def match(
-    network: Network, inputs: Sequence[PortSpec], outputs: Sequence[PortSpec], *, by_position: bool = False
-) -> PortMatch:
-    """Match a network's inputs and outputs to one signature: by name, by alias, then by position if allowed.
-
-    Raises:
-        BackendError: an input or output is missing or of another form; the message compares the network with the
-            signature.
-    """
-    return match_signature(network, {"": GraphSignature(tuple(inputs), tuple(outputs), by_position)})[1]
-
-
 def match_signature(network: Network, signatures: Mapping[str, GraphSignature]) -> tuple[str, PortMatch]:
     """Return the name of the first signature that matches a network, with the network's inputs and outputs.
 

@@ -165,7 +165,7 @@ def _decode_nms(match: PortMatch, network: Network, image: UInt8Array, size: tup
 def _decode_rt_detr(match: PortMatch, network: Network, image: UInt8Array, size: tuple[int, ...]) -> Answer:
     """Run RT-DETR: 300 queries with logits of 80 classes, and centred boxes in shares of the photo."""
 
-    from physic_core.adapters.detections import xyxy_from_cxcywh
+    from physic_core.adapters.detections import sigmoid, xyxy_from_cxcywh
     from physic_core.adapters.pictures import normalized_nchw, resize_image
 
     frame = normalized_nchw(resize_image(image, size[0], size[1], "bilinear-antialias"))
@@ -175,7 +175,7 @@ def _decode_rt_detr(match: PortMatch, network: Network, image: UInt8Array, size:
             f"{network.name} returns {logits.shape[-1]} classes, as DETR does, and not 80 as RT-DETR and D-FINE: "
             "choose a file of those"
         )
-    score = 1.0 / (1.0 + np.exp(-np.clip(logits[0, :, PERSON].astype(np.float64), -60.0, 60.0)))
+    score = sigmoid(logits[0, :, PERSON].astype(np.float64))
     height, width = image.shape[:2]
     return xyxy_from_cxcywh(boxes[0].astype(np.float64)) * [width, height, width, height], score, None
 

@@ -6,12 +6,17 @@ import numpy as np
 import pytest
 
 from physic_core.errors import BackendError
-from physic_onnx.contract import GraphSignature, PortSpec, match, match_signature
+from physic_onnx.contract import GraphSignature, PortSpec, match_signature
 from physic_onnx.options import OnnxOptions
 from physic_onnx.sessions import open_network
 
 IMAGE = {"image": ("float32", ("batch", 3, "height", "width"))}
 WANTED_IMAGE = PortSpec("image", shape=("batch", 3, "height", "width"))
+
+
+def match(network, inputs, outputs, *, by_position=False):
+    """Match a network with one signature."""
+    return match_signature(network, {"": GraphSignature(tuple(inputs), tuple(outputs), by_position)})[1]
 
 
 @pytest.fixture
