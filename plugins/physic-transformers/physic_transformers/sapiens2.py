@@ -6,14 +6,14 @@ Its points of elbows, neck, face and ears have no counterpart there.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.crops import crop_around_box, resample_crop
 from physic_core.adapters.heatmaps import scores_to_confidence, subpixel_peaks
-from physic_core.adapters.networks import picture_tensor, to_numpy
+from physic_core.adapters.networks import picture_tensor, run_in_batches
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD
 from physic_core.errors import BackendError
 from physic_core.interfaces import KeypointDetector, Options
@@ -21,8 +21,9 @@ from physic_core.types import Keypoints
 from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend
 
 if TYPE_CHECKING:
-    from physic_core.adapters.crops import Crop
-    from physic_core.types import FloatArray, People, UInt8Array
+    from numpy.typing import NDArray
+
+    from physic_core.types import People, UInt8Array
 
 NUM_KEYPOINTS = 308
 _SKELETON, _SKELETON_SIZE = "coco_wholebody133", 133
@@ -80,25 +81,24 @@ class Sapiens2(PretrainedBackend, KeypointDetector):
             )
         points = np.zeros((len(people), _SKELETON_SIZE, 2))
         confidence = np.zeros((len(people), _SKELETON_SIZE))
+        if not len(people):
+            return Keypoints(points, confidence, _SKELETON)
         side = config.image_size
         height, width = (side, side) if isinstance(side, int) else side
-        for first in range(0, len(people), self.options.batch):
-            boxes = people.boxes[first : first + self.options.batch]
-            crops = [crop_around_box(box, width, height, grid="corners") for box in boxes]
-            heatmaps = self._heatmaps(image, crops)
-            cells, scores = subpixel_peaks(heatmaps, sigma=_BLUR_SIGMA)
-            rows, columns = heatmaps.shape[2:]
-            grids = [crop_around_box(box, columns, rows, grid="corners") for box in boxes]
-            placed = np.stack([grid.to_photo(cell) for grid, cell in zip(grids, cells, strict=True)])
-            wholebody_rows, own = list(KEYPOINT_OF_WHOLEBODY), list(KEYPOINT_OF_WHOLEBODY.values())
-            people_here = slice(first, first + len(boxes))
-            points[people_here, wholebody_rows] = placed[:, own]
-            confidence[people_here, wholebody_rows] = scores_to_confidence(scores)[:, own]
+        crops = [crop_around_box(box, width, height, grid="corners") for box in people.boxes]
+        shown = np.stack([resample_crop(image, crop) for crop in crops])
+        (heatmaps,) = run_in_batches(self._heatmaps, {"shown": shown}, self.options.batch)
+        cells, scores = subpixel_peaks(heatmaps, sigma=_BLUR_SIGMA)
+        rows, columns = heatmaps.shape[2:]
+        grids = [crop_around_box(box, columns, rows, grid="corners") for box in people.boxes]
+        placed = np.stack([grid.to_photo(cell) for grid, cell in zip(grids, cells, strict=True)])
+        wholebody, own = list(KEYPOINT_OF_WHOLEBODY), list(KEYPOINT_OF_WHOLEBODY.values())
+        points[:, wholebody] = placed[:, own]
+        confidence[:, wholebody] = scores_to_confidence(scores)[:, own]
         return Keypoints(points, confidence, _SKELETON)
 
-    def _heatmaps(self, image: UInt8Array, crops: list[Crop]) -> FloatArray:
+    def _heatmaps(self, part: dict[str, NDArray[Any]]) -> list[Any]:
         """Return the heat maps (n, 63, h, w) of the keypoints that the table needs, of crops."""
-        shown = np.stack([resample_crop(image, crop) for crop in crops])
-        pixels = picture_tensor(shown, IMAGENET_MEAN, IMAGENET_STD, device=self.device)
+        pixels = picture_tensor(part["shown"], IMAGENET_MEAN, IMAGENET_STD, device=self.device)
         found = self.model().run(pixel_values=pixels).heatmaps
-        return to_numpy(found[:, : max(KEYPOINT_OF_WHOLEBODY.values()) + 1])
+        return [found[:, : max(KEYPOINT_OF_WHOLEBODY.values()) + 1]]
