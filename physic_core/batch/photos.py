@@ -106,21 +106,13 @@ def list_photos(inputs: Iterable[str], out: str | os.PathLike[str] | None = None
             continue
         same = found.setdefault(item.id, item)
         if same != item:
-            raise InputError(_same_id(same, item))
+            where = _show(same.path) if same.path == item.path else f"{_show(same.path)} and {_show(item.path)}"
+            raise InputError(f"two photos have the id {quoted(item.id)}, {where}: give each an id of its own")
     listed = PhotoList(list(found.values()), skipped)
     if not found:
         reason = f": {listed.describe_skipped()}" if skipped else ""
         raise InputError(f"no photos in {_show(', '.join(inputs))}{reason}")
     return listed
-
-
-def _same_id(first: PhotoItem, second: PhotoItem) -> str:
-    if first.path == second.path:
-        return f"{_show(first.path)} is listed twice with different settings: give each row an id of its own"
-    return (
-        f"two photos have the id {quoted(first.id)}, {_show(first.path)} and {_show(second.path)}: ids of a batch must "
-        "be unique"
-    )
 
 
 def photo_folder(item_id: str) -> str:
