@@ -37,7 +37,7 @@ PYTEST := OMP_NUM_THREADS=1 $(BIN)/pytest -q -n $(JOBS) --dist loadfile
 QUICK := $(addprefix tests/, body/test_model.py body/test_parameters.py body/test_posing.py \
 	body/test_rotations.py cache cli/test_commands.py cli/test_exit_codes.py cli/test_startup.py \
 	configuration/test_config.py configuration/test_resolve.py \
-	discovery/test_plugins.py discovery/test_registry.py engine/test_contact.py \
+	discovery/test_plugins.py discovery/test_backends.py engine/test_contact.py \
 	engine/test_human.py engine/test_scene.py engine/test_state.py \
 	engine/test_surface_terms.py engine/test_terms.py files geometry io/test_results.py metrics \
 	pipeline/test_mock_worlds.py pipeline/test_pipeline.py pipeline/test_stage_runner.py project/test_packaging.py \

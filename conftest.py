@@ -4,9 +4,8 @@ import os
 import signal
 import socket
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache, partial, partialmethod
-from importlib.metadata import EntryPoint, distributions
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
@@ -131,29 +130,50 @@ class Site:
     def install(
         self, distribution: str, source: str, version: str = "1.0", entry: str = "", group: str = "physic.plugins"
     ) -> str:
-        """Add a distribution with one plugin module and one group of entry points; return the module's name."""
+        """Add a distribution with one module and one group of entry points, or all if ``entry`` begins with one.
+
+        Return the module's name.
+        """
         module = distribution.replace("-", "_")
         (self.folder / f"{module}.py").write_text(source)
         info = self.folder / f"{module}-{version}.dist-info"
         info.mkdir()
         (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {distribution}\nVersion: {version}\n")
         entry = entry or f"{distribution.split('-')[-1]} = {module}"
-        (info / "entry_points.txt").write_text(f"[{group}]\n{entry}\n")
+        (info / "entry_points.txt").write_text(entry if entry.startswith("[") else f"[{group}]\n{entry}\n")
         return module
 
+    def list_weights(self, distribution: str, manifest: str) -> Path:
+        """Add a distribution that lists weights; return the file of the list."""
+        folder = self.folder / f"{distribution.replace('-', '_')}_weights"
+        folder.mkdir()
+        (folder / "sets.toml").write_text(manifest)
+        self.install(distribution, "", entry=f"sets = {folder.name}", group="physic.weights")
+        return folder / "sets.toml"
+
+    def put(
+        self, kinds: Mapping[str, type], name: str = "own", distribution: str = "physic-mine", version: str = "0.2"
+    ) -> None:
+        """Add a distribution that offers classes of a test, by interface."""
+        lines = []
+        for interface, kind in kinds.items():
+            kind.written_for = 1
+            lines.append(f"[physic.{interface}]\n{name} = {distribution.replace('-', '_')}:{interface}\n")
+        module = self.install(distribution, "", version, "".join(lines))
+        sys.modules[module] = made = ModuleType(module)
+        made.__file__ = str(self.folder / f"{module}.py")
+        made.__dict__.update(kinds)
+
     def offer(self, distribution: str, interface: str, name: str, version: str = "1.0", api: int = 1) -> str:
-        """Add a distribution that offers one backend of its own module's class ``B``."""
+        """Add a distribution that offers one backend, of its own module's class ``B``."""
         module = distribution.replace("-", "_")
         source = (
-            "from physic_core import BackendRecord, hookimpl\n"
-            "@hookimpl\n"
-            "def physic_backends():\n"
-            f"    return [BackendRecord({interface!r}, {name!r}, '{module}:B', api={api})]\n"
+            "from physic_core.interfaces import INTERFACES\n"
+            f"class B(INTERFACES[{interface!r}]):\n"
+            f"    written_for = {api}\n"
+            "    def infer(self, *arguments): raise NotImplementedError\n"
         )
-        return self.install(distribution, source, version)
-
-    def entries(self) -> list[EntryPoint]:
-        return [e for d in distributions(path=[str(self.folder)]) for e in d.entry_points]
+        return self.install(distribution, source, version, f"{name} = {module}:B", f"physic.{interface}")
 
 
 @pytest.fixture

@@ -36,7 +36,6 @@ from physic_bench.worlds.world_evidence import (
 from physic_core.body import load_body
 from physic_core.body.model import BodyModel
 from physic_core.configuration.resolve import resolve
-from physic_core.discovery.plugins import discover
 from physic_core.engine.contact.features import KINDS, feature_columns, measure_distances
 from physic_core.engine.contact.partner import VertexContacts, body_contacts
 from physic_core.engine.contact.parts import near_scene, nearness, scene_contact, scene_parts_of_body
@@ -95,7 +94,7 @@ def main() -> int:
 def collect(cases: Sequence[WorldCase], out: Path) -> None:
     """Run estimators and engine on each world, and write the samples that are missing."""
     torch.set_num_threads(1)
-    plan = resolve(noisy_config(), discover())
+    plan = resolve(noisy_config())
     model = load_body(plan.body_model)
     out.mkdir(parents=True, exist_ok=True)
     for number, case in enumerate(cases, 1):

@@ -25,11 +25,9 @@ from physic_core.errors import (
 if TYPE_CHECKING:
     from physic_core.configuration.energies import engine_preset, engine_preset_names
     from physic_core.configuration.model import Config, load_config
+    from physic_core.discovery.backends import find_backend, list_backends
     from physic_core.discovery.exporters import find_exporter, find_exporters
-    from physic_core.discovery.hookspecs import hookimpl
-    from physic_core.discovery.plugins import discover
-    from physic_core.discovery.records import BackendRecord, CommandRecord, ExporterRecord
-    from physic_core.discovery.registry import Registry
+    from physic_core.discovery.hooks import ExporterRecord, PluginItem, hookimpl
     from physic_core.io.extra_files import save_report
     from physic_core.io.results import load_people, load_reconstruction, save_reconstruction
     from physic_core.pipeline.loaded_backends import load_backend
@@ -53,9 +51,7 @@ __all__ = [
     "BackendError",
     "BackendNotFoundError",
     "BackendOutputError",
-    "BackendRecord",
     "BodyModelError",
-    "CommandRecord",
     "Config",
     "ConfigError",
     "DeviceError",
@@ -72,17 +68,18 @@ __all__ = [
     "Person",
     "PhysicError",
     "Pipeline",
+    "PluginItem",
     "Reconstruction",
-    "Registry",
     "Scene",
     "WeightsMissingError",
-    "discover",
     "engine_preset",
     "engine_preset_names",
     "export_reconstruction",
+    "find_backend",
     "find_exporter",
     "find_exporters",
     "hookimpl",
+    "list_backends",
     "load_backend",
     "load_config",
     "load_people",
@@ -97,11 +94,9 @@ __all__ = [
 _NAMES = {
     "physic_core.configuration.energies": "engine_preset engine_preset_names",
     "physic_core.configuration.model": "Config load_config",
+    "physic_core.discovery.backends": "find_backend list_backends",
     "physic_core.discovery.exporters": "find_exporter find_exporters",
-    "physic_core.discovery.hookspecs": "hookimpl",
-    "physic_core.discovery.plugins": "discover",
-    "physic_core.discovery.records": "BackendRecord CommandRecord ExporterRecord",
-    "physic_core.discovery.registry": "Registry",
+    "physic_core.discovery.hooks": "ExporterRecord PluginItem hookimpl",
     "physic_core.io.extra_files": "save_report",
     "physic_core.io.results": "load_people load_reconstruction save_reconstruction",
     "physic_core.pipeline.loaded_backends": "load_backend",
@@ -119,7 +114,7 @@ _ON_FIRST_USE = {name: module for module, names in _NAMES.items() for name in na
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
-        return import_module("physic_core.discovery.plugins").core_version()
+        return import_module("physic_core.discovery.entry_points").core_version()
     if name not in _ON_FIRST_USE:
         raise AttributeError(f"module 'physic_core' has no attribute '{name}'")
     return getattr(import_module(_ON_FIRST_USE[name]), name)

@@ -12,22 +12,22 @@ from __future__ import annotations
 
 import sys
 from collections import Counter, defaultdict
-from importlib import import_module
 from pathlib import Path
 
 import pytest
 
-from physic_core.discovery.registry import BackendRecord
+from physic_core import list_backends
+from physic_core.discovery.entry_points import Offer
 from physic_testing.conformance.run import CheckRun
 
 ROOT = Path(__file__).parents[1]
 PLUGINS = {
-    "physic_onnx": ROOT / "plugins" / "physic-onnx",
-    "physic_transformers": ROOT / "plugins" / "physic-transformers",
-    "physic_human": ROOT / "plugins" / "physic-human",
-    "physic_omnieraser": ROOT / "contrib" / "physic-omnieraser",
+    "physic-onnx": ROOT / "plugins" / "physic-onnx",
+    "physic-transformers": ROOT / "plugins" / "physic-transformers",
+    "physic-human": ROOT / "plugins" / "physic-human",
+    "physic-omnieraser": ROOT / "contrib" / "physic-omnieraser",
 }
-"""Package -> folder of its distribution."""
+"""Distribution -> its folder; all are to be installed."""
 DOCUMENT = ROOT / "plugins" / "ADAPTERS.md"
 TESTS = "conform or holds_its_contract"
 """Names of the tests that run the whole kit."""
@@ -35,7 +35,6 @@ NONE = "NO RUN"
 
 
 def main() -> int:
-    sys.path[:0] = map(str, PLUGINS.values())  # what is in contrib need not be installed
     write, further = "--write" in sys.argv, [word for word in sys.argv[1:] if word != "--write"]
     runs: list[CheckRun] = []
     first = CheckRun.__init__
@@ -57,13 +56,13 @@ def main() -> int:
 
 
 def table(runs: list[CheckRun]) -> dict[tuple[str, str], str]:
-    """(interface, name) of every record -> what came of its runs in words, empty where there is none."""
+    """(interface, name) of every adapter -> what came of its runs in words, empty where there is none."""
     counts: dict[str, Counter[str]] = defaultdict(Counter)
     for run in runs:
         outcomes = Counter(run.result(name).outcome for name in run.checks)
         for kind in run.subject.kind.__mro__:
             counts[f"{kind.__module__}:{kind.__qualname__}"] += Counter(runs=1) + outcomes
-    return {(r.interface, r.name): words(counts[str(r.target)]) for r in records()}
+    return {(one.interface, one.name): words(counts[one.target]) for one in adapters()}
 
 
 def with_runs(text: str, rows: dict[tuple[str, str], str]) -> str:
@@ -86,9 +85,9 @@ def words(found: Counter[str]) -> str:
     return f"{result}, {found['runs']} runs" if found["runs"] > 1 else result
 
 
-def records() -> list[BackendRecord]:
-    """Of all these plugins, in the order in which they list them."""
-    return [record for package in PLUGINS for record in import_module(package).physic_backends()]
+def adapters() -> list[Offer]:
+    """Backends of all these plugins."""
+    return [offer for offer in list_backends() if offer.distribution in PLUGINS]
 
 
 if __name__ == "__main__":

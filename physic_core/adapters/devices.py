@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import re
+import shutil
+from pathlib import Path
 
 from physic_core.errors import DeviceError
 
 DEVICE_PATTERN = re.compile(r"cpu|cuda(?::([0-9]{1,3}))?")
 """Pattern of valid device names: "cpu", "cuda" or "cuda:N"."""
+
+_DRIVER_PATHS = ("/proc/driver/nvidia/version", "/dev/nvidiactl", "/dev/dxg")
 
 
 def check_device(device: str) -> None:
@@ -35,3 +39,8 @@ def check_device(device: str) -> None:
     if int(found.group(1) or 0) >= count:
         last = f"'cuda:0' to 'cuda:{count - 1}' are" if count > 1 else "'cuda:0' is"
         raise DeviceError(f"device '{device}' is not there: only {last}")
+
+
+def has_gpu() -> bool:
+    """Return whether an NVIDIA driver is loaded; faster than importing torch."""
+    return shutil.which("nvidia-smi") is not None or any(Path(path).exists() for path in _DRIVER_PATHS)

@@ -1,4 +1,4 @@
-"""The executors of ``physic batch``: worker processes on this machine, and those of the group ``physic.executors``."""
+"""The executors of ``physic batch``: processes on this machine, and those of plugins (hook ``physic_executors``)."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ from physic_core.batch.machine import default_workers
 from physic_core.batch.run import run_locally
 from physic_core.batch.workers import WorkerSettings
 from physic_core.discovery.catalog import EXECUTORS
-from physic_core.discovery.installed import find_entry, import_target
-from physic_core.discovery.registration import EXECUTORS_GROUP
+from physic_core.discovery.plugins import find_item, import_item
 from physic_core.errors import ConfigError, PluginError
 
 if TYPE_CHECKING:
@@ -54,8 +53,8 @@ def open_executor(name: str, settings: ExecutorSettings) -> Executor:
     """
     if name == _LOCAL:
         return _local(settings)
-    found = find_entry(EXECUTORS_GROUP, name, "executor", own=_LOCAL, known=EXECUTORS)
-    executor: Executor = import_target(found, "executor")(settings)
+    found = find_item("physic_executors", name, "executor", own=_LOCAL, known=EXECUTORS)
+    executor: Executor = import_item(found, "executor")(settings)
     if not callable(executor):
         raise PluginError(f"the executor '{name}' should return a function, got {type(executor).__name__}")
     return executor

@@ -22,7 +22,7 @@ from physic_core.batch.photos import PhotoItem, photo_folder
 from physic_core.batch.settings import batch_config, config_digest, settings_digest
 from physic_core.configuration.model import as_config
 from physic_core.configuration.resolve import require_available, resolve
-from physic_core.discovery.plugins import core_version, discover
+from physic_core.discovery.entry_points import core_version
 from physic_core.errors import ConfigError, OutputError
 from physic_core.files.atomic import check_writable
 from physic_core.io.result_folder import file_digest, run_of_result
@@ -31,7 +31,6 @@ from physic_core.types.person_rows import person_rows
 
 if TYPE_CHECKING:
     from physic_core.configuration.model import Config
-    from physic_core.discovery.registry import Registry
     from physic_core.types import Reconstruction
 
 _MAX_MESSAGE = 5000
@@ -183,7 +182,6 @@ def prepare_job(
     *,
     thumbnails: bool = True,
     cache: bool = False,
-    registry: Registry | None = None,
     write: bool = True,
 ) -> BatchJob:
     """Return the job of a batch after checks of its configuration, weights and output folder; no network is loaded.
@@ -194,7 +192,6 @@ def prepare_job(
         save: the files of each photo, one of :data:`physic_core.io.results.SAVE`, or "none".
         thumbnails: whether to write a thumbnail of each photo.
         cache: whether to use the cache of backends' outputs.
-        registry: of the backends; the installed ones if None.
         write: whether the output folder is created, and checked to be writable.
 
     Raises:
@@ -204,8 +201,7 @@ def prepare_job(
     """
     if save not in (*SAVE, "none"):
         raise ConfigError(f"what to save is one of {', '.join(SAVE)}, none (got '{save}')")
-    registry = discover() if registry is None else registry
-    settings = batch_config(as_config(config), registry, cache=cache)
-    require_available(resolve(settings, registry))
+    settings = batch_config(as_config(config), cache=cache)
+    require_available(resolve(settings))
     folder = (check_writable(Path(out)) if write else Path(out)).resolve()
     return BatchJob(settings, str(folder), save, thumbnails)

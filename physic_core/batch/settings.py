@@ -8,17 +8,17 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from physic_core.cache.file_hashes import files_named_by
+from physic_core.discovery.backends import find_backend, load_class
 from physic_core.interfaces import INTERFACES
 
 if TYPE_CHECKING:
     from physic_core.configuration.model import Config
-    from physic_core.discovery.registry import Registry
 
 _WITHOUT_EFFECT = ("cache", "cache_mb", "low_memory", "threads")
 """Settings of ``[run]`` that change no result by more than rounding."""
 
 
-def batch_config(config: Config, registry: Registry, *, cache: bool) -> Config:
+def batch_config(config: Config, *, cache: bool) -> Config:
     """Return a configuration for one of several processes.
 
     Every backend that has an option ``threads`` gets one thread unless the configuration sets it, and ``[run] threads``
@@ -32,7 +32,7 @@ def batch_config(config: Config, registry: Registry, *, cache: bool) -> Config:
         choice = config.choice(interface)
         if choice.backend == "none":
             continue
-        fields = registry.load_class(registry.get(interface, choice.backend)).Options.model_fields
+        fields = load_class(find_backend(interface, choice.backend)).Options.model_fields
         if "threads" in fields and "threads" not in choice.options:
             chosen[interface] = (choice.backend, {**choice.options, "threads": 1})
     return config.with_backends(chosen).model_copy(update={"run": config.run.model_copy(update=run)})

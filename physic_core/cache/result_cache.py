@@ -21,7 +21,7 @@ from physic_core.cache.digest import CodeDigester, Digester
 from physic_core.cache.file_hashes import files_named_by
 from physic_core.cache.folders import CACHES, LruFolder, claimed_cache
 from physic_core.cache.stored_results import KINDS, restored
-from physic_core.discovery.plugins import required_versions
+from physic_core.discovery.entry_points import required_versions
 from physic_core.errors import OutputError
 from physic_core.files.npz import MAX_ARRAY_BYTES
 from physic_core.files.plain import Arrays, DamagedFileError, read_value, split, write_value

@@ -75,7 +75,7 @@ class _Main(ExtensibleGroup):
 
 def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     if wanted:
-        from physic_core.discovery.plugins import core_version
+        from physic_core.discovery.entry_points import core_version
 
         echo(f"physic {core_version()}")
         ctx.exit()

@@ -110,15 +110,13 @@ def _job(out: Path, options: Mapping[str, Any], *, write: bool) -> BatchJob:
     """
     from physic_core.batch.process import prepare_job
     from physic_core.configuration.resolve import load_checked_config
-    from physic_core.discovery.plugins import discover
 
     file, preset, device = options["file"], options["preset"], options["device"]
     save, thumbnails = options["save"], not options["no_thumbnails"]
-    registry = discover()
     flags = {"--device": {"run": {"device": device}}} if device else {}
-    config = load_checked_config(registry, file, preset=preset, overrides=options["overrides"], flags=flags)
+    config = load_checked_config(file, preset=preset, overrides=options["overrides"], flags=flags)
     cache = options["cache"]
-    return prepare_job(config, out, save, thumbnails=thumbnails, cache=cache, registry=registry, write=write)
+    return prepare_job(config, out, save, thumbnails=thumbnails, cache=cache, write=write)
 
 
 def _executor(logs: Path, options: Mapping[str, Any]) -> Executor:
@@ -140,7 +138,7 @@ def _executor(logs: Path, options: Mapping[str, Any]) -> Executor:
 
 
 def _describe(plan: BatchPlan, photos: int) -> str:
-    from physic_core.discovery.plugins import core_version
+    from physic_core.discovery.entry_points import core_version
 
     parts = [f"{photos:,} photos: {len(plan.todo):,} to do, {plan.done:,} done before"]
     if plan.failed:

@@ -16,7 +16,6 @@ from physic_core.cli.toml import toml_value
 
 if TYPE_CHECKING:
     from physic_core.configuration.model import Config
-    from physic_core.discovery.registry import Registry
 
 _COMMANDS = {
     "check": ("physic_core.cli.config:check", "Check a configuration, and list what is missing on this machine."),
@@ -52,13 +51,11 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
         named_weights,
         resolve,
     )
-    from physic_core.discovery.plugins import discover
     from physic_core.weights.find import size_mismatches
 
-    registry = discover()
-    found = load_checked_config(registry, file, preset=preset, overrides=overrides)
-    plan = resolve(found, registry)
-    files, device, sets = missing_file_messages(plan), missing_gpu(plan), named_weights(plan, registry)
+    found = load_checked_config(file, preset=preset, overrides=overrides)
+    plan = resolve(found)
+    files, device, sets = missing_file_messages(plan), missing_gpu(plan), named_weights(plan)
     path = found.body_model.path
     if path is not None and Path(path).exists():
         from physic_core.body import load_body
@@ -84,29 +81,27 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
 def show_config(file: Path | None, preset: str | None, overrides: tuple[str, ...], with_defaults: bool) -> None:
     """Print the resolved configuration of FILE and the source of each value."""
     from physic_core.configuration.model import load_config
-    from physic_core.discovery.plugins import discover
 
-    found = load_config(file, preset=preset, overrides=overrides)
-    echo(config_toml(found, discover() if with_defaults else None), nl=False)
+    echo(config_toml(load_config(file, preset=preset, overrides=overrides), with_defaults=with_defaults), nl=False)
 
 
-def config_toml(found: Config, registry: Registry | None = None) -> str:
+def config_toml(found: Config, *, with_defaults: bool = False) -> str:
     """Format a configuration as TOML, with the source of each value as a comment.
 
     Args:
         found: the configuration.
-        registry: adds all options of the backends and all settings of the engine; None for only the given values.
+        with_defaults: whether to add all options of the backends and all settings of the engine.
 
     Raises:
         ConfigError: names or options are invalid; the message lists all errors.
     """
     tables, default_sources = found.as_dict(), dict[str, str]()
-    if registry is not None:
+    if with_defaults:
         from dataclasses import asdict
 
         from physic_core.configuration.resolve import resolve
 
-        plan = resolve(found, registry)
+        plan = resolve(found)
         for name, chosen in plan.backends.items():
             who = chosen.provenance
             tables[name]["options"] = dict(who.options)

@@ -16,7 +16,7 @@ def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
     from physic_core.cli.output import format_table
     from physic_core.discovery.catalog import EXPORTERS
     from physic_core.discovery.exporters import find_exporters
-    from physic_core.discovery.installed import explain_absence
+    from physic_core.discovery.plugins import explain_absence
 
     rows = [("format", "suffix", "for", "content", "needs")]
     for exporter in find_exporters():
@@ -28,9 +28,9 @@ def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
         rows.append((each.name, " ".join(each.suffixes), each.audience, each.content, "; ".join(needs) or "-"))
     echo(format_table(rows))
     listed = {row[0] for row in rows}
-    for distribution, formats in EXPORTERS.items():
-        if missing := ", ".join(sorted(formats.keys() - listed)):
-            echo(f"{missing}: in {explain_absence(distribution)}")
+    for distribution in dict.fromkeys(EXPORTERS.values()):
+        if missing := [name for name, owner in EXPORTERS.items() if owner == distribution and name not in listed]:
+            echo(f"{', '.join(missing)}: in {explain_absence(distribution)}")
     ctx.exit()
 
 

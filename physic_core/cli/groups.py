@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from physic_core.discovery.installed import Installed
-    from physic_core.discovery.records import CommandRecord
+    from physic_core.discovery.hooks import PluginItem
+    from physic_core.discovery.plugins import Found
 
 
 class ExtensibleGroup(click.Group):
@@ -31,12 +31,11 @@ class ExtensibleGroup(click.Group):
         self.path = path
         self.own = dict(own or {})
 
-    def _plugin_commands(self) -> dict[str, Installed[CommandRecord]]:
-        from physic_core.discovery.installed import find_installed
-        from physic_core.discovery.records import CommandRecord
+    def _plugin_commands(self) -> dict[str, Found[PluginItem]]:
+        from physic_core.discovery.plugins import find_items
 
-        added: dict[str, Installed[CommandRecord]] = {}
-        for command in find_installed(CommandRecord):
+        added: dict[str, Found[PluginItem]] = {}
+        for command in find_items("physic_commands"):
             path, _, name = command.record.name.rpartition(" ")
             if path == self.path and name not in self.own:
                 added.setdefault(name, command)
@@ -72,7 +71,7 @@ class ExtensibleGroup(click.Group):
         name = args[0]
         if not name.startswith("-") and not ctx.resilient_parsing and self.get_command(ctx, name) is None:
             from physic_core.discovery.catalog import COMMANDS
-            from physic_core.discovery.installed import explain_absence
+            from physic_core.discovery.plugins import explain_absence
 
             full_name = f"{self.path} {name}".strip()
             if (distribution := COMMANDS.get(full_name)) is not None:
@@ -88,19 +87,19 @@ class ExtensibleGroup(click.Group):
             formatter.write_dl(sorted(summaries.items()))
 
 
-def _load(command: Installed[CommandRecord]) -> click.Command:
+def _load(command: Found[PluginItem]) -> click.Command:
     """Import a plugin's command.
 
     Raises:
         PluginError: it cannot be imported, or is not a ``click.Command``.
     """
-    from physic_core.discovery.installed import import_target
+    from physic_core.discovery.plugins import import_item
     from physic_core.errors import PluginError
 
-    found = import_target(command, "command")
+    found = import_item(command, "command")
     if not isinstance(found, click.Command):
         raise PluginError(
-            f"the command '{command.record.name}' of {command.origin} should be a click.Command, "
+            f"{command.title('command')} should be a click.Command, "
             f"but {command.record.target} is a {type(found).__name__}"
         )
     return found

@@ -3,177 +3,104 @@
 from __future__ import annotations
 
 import inspect
-import re
+import os
 from typing import TYPE_CHECKING, Any
 
 from physic_core.cli.output import format_table
+from physic_core.discovery.backends import list_backends, load_class, missing_requirements, summary_of
+from physic_core.discovery.catalog import how_to_install
+from physic_core.discovery.entry_points import PLUGINS_VARIABLE, restricted_to
 from physic_core.discovery.error_text import describe_error, traceback_text
 from physic_core.discovery.local_modules import split_folder
-from physic_core.discovery.readiness import Readiness, missing_requirements, readiness
-from physic_core.errors import BackendError, PhysicError
+from physic_core.discovery.plugin_code import named_plugin_code
+from physic_core.discovery.plugins import broken_plugins
+from physic_core.errors import BackendError
 
 if TYPE_CHECKING:
-    from physic_core.discovery.registry import BackendOffer, Registry
+    from physic_core.discovery.entry_points import Offer
     from physic_core.interfaces import Backend
-
-_MAX_CELL_WIDTH = 40
-"""Maximum characters of a licence or of needs in the table; ``physic plugins show`` prints them in full."""
-
-_SLOW_SECONDS = 0.5
-"""Registration time above which the status of a backend is "slow": its module imports too much."""
+    from physic_core.weights.manifest import WeightSet
 
 
-def plugins_table(registry: Registry, interface: str | None = None) -> str:
-    """Format the table of installed backends and broken plugins."""
-    rows = [("interface", "backend", "plugin", "version", "weights", "needs", "status")]
-    for offer in registry:
-        record, origin = offer.record, offer.origin
-        if interface in (None, record.interface):
-            # The names of the networks, in parentheses, are only printed by `show`.
-            weights = re.sub(r"\s*\([^)]*\)", "", _licence(registry, offer)) or "-"
-            who = (str(record.interface), str(record.name), origin.distribution, origin.version or "-")
-            rows.append((*who, _shorten(weights), _shorten(_needs(offer)) or "-", _status(registry, offer)))
-    for broken in registry.broken:
-        origin = broken.origin
-        rows.append(("-", "-", origin.distribution, origin.version or "-", "-", "-", f"BROKEN: {broken.cause}"))
+def plugins_table(interface: str | None = None) -> str:
+    """Format the table of installed backends and broken plugins; no backend is imported."""
+    rows = [("interface", "backend", "plugin", "version")]
+    rows += [(one.interface, one.name, one.distribution, one.version or "-") for one in list_backends(interface)]
+    broken = broken_plugins()
+    lines = [format_table(rows)]
     if len(rows) == 1:
         what = "no backend is installed" if interface is None else f"no backend for '{interface}' is installed"
-        from physic_core.discovery.catalog import how_to_install
-
-        if registry.restriction is not None:
-            return f"{what} (PHYSIC_PLUGINS='{registry.restriction}')"
-        return f"{what}: {how_to_install('physic-embedded')}"
-    traces = [traceback_text(broken.error).rstrip("\n") for broken in registry.broken]
-    return "\n".join([format_table(rows), *filter(None, traces)])
+        why = f" ({PLUGINS_VARIABLE}={os.environ[PLUGINS_VARIABLE]!r})" if restricted_to() is not None else ""
+        lines = [f"{what}{why}: {how_to_install('physic-embedded')}"]
+    lines += [f"BROKEN: {plugin}" for plugin in broken]
+    lines += [traceback_text(plugin.error).rstrip("\n") for plugin in broken]
+    return "\n".join(filter(None, lines))
 
 
-def plugins_as_dicts(registry: Registry, interface: str | None = None) -> dict[str, Any]:
-    """Return the installed backends and broken plugins as dictionaries for JSON."""
-    offers = [offer for offer in registry if interface in (None, offer.record.interface)]
+def plugins_as_dicts(interface: str | None = None) -> dict[str, Any]:
+    """Return the installed backends and broken plugins as dictionaries for JSON; no backend is imported."""
     return {
-        "backends": [_as_dict(registry, offer) for offer in offers],
-        "broken": [{**_owner(b.origin), "cause": b.cause} for b in registry.broken],
-        "restriction": registry.restriction,
+        "backends": [
+            {
+                "interface": one.interface,
+                "backend": one.name,
+                "distribution": one.distribution,
+                "version": one.version,
+                "target": one.target,
+            }
+            for one in list_backends(interface)
+        ],
+        "broken": [
+            {"distribution": one.distribution, "version": one.version, "cause": one.cause} for one in broken_plugins()
+        ],
+        "restriction": os.environ.get(PLUGINS_VARIABLE),
     }
 
 
-def describe_backend(registry: Registry, offer: BackendOffer) -> str:
-    """Format the record, status, files and options of one backend."""
-    record, status = offer.record, _status(registry, offer)
-    module = offer.origin.plugin
+def describe_backend(offer: Offer) -> str:
+    """Format the summary, weights, status and options of one backend, whose class is imported."""
+    lines = [f"{offer.interface} '{offer.name}'"]
+    facts = [("plugin", offer.owner), ("class", split_folder(offer.target)[1])]
     options: list[str] = []
-    files: list[str] = []
-    source = None
-    if not offer.problem:
-        try:
-            kind = registry.load_class(offer)
-            source, options = inspect.getsourcefile(kind), _options(kind.Options)
-            files = _files(registry, offer, kind)
-            found = readiness(registry, offer)
-            if found.word in ("ready", "unsure", "not ready") and (messages := _missing_by_default(kind)):
-                known = (found.why,) if found.word == "not ready" else ()
-                status = str(Readiness("not ready", "; ".join((*known, *messages))))
-        except Exception as error:  # a plugin may raise anything
-            text = str(error) if isinstance(error, BackendError) else describe_error(error, module)
-            options = [f"  options   unknown: {text}", *filter(None, [traceback_text(error).rstrip("\n")])]
-            status = "BROKEN: see options" if status == "ready" else status
-    facts = [
-        ("", record.summary),
-        ("plugin", str(offer.origin)),
-        ("class", split_folder(str(record.target))[1]),
-        ("weights", _licence(registry, offer) or "none"),
-        ("needs", _needs(offer) or "nothing else"),
-        ("homepage", record.homepage),
-        ("status", status),
-        ("source", source or ""),
-        *(("files", line) for line in files),
-    ]
-    lines = [f"{record.interface} '{record.name}'"]
-    lines += [f"  {label:<10}{text}" if label else f"  {text}" for label, text in facts if text]
-    return "\n".join(lines + options)
-
-
-def _missing_by_default(kind: type[Backend]) -> tuple[str, ...]:
-    """Return what a backend with default options reports as missing; empty if it cannot be constructed."""
     try:
-        return missing_requirements(kind())
-    except Exception:  # a plugin may raise anything
-        return ()
+        kind = load_class(offer)
+        lines.append(f"  {summary_of(kind)}")
+        facts += [*_weights(offer, kind), ("status", _status(kind)), ("source", inspect.getsourcefile(kind) or "")]
+        options = _options(kind.Options)
+    except Exception as error:  # a plugin may raise anything
+        text = str(error) if isinstance(error, BackendError) else describe_error(error, offer.target.partition(":")[0])
+        facts += [("status", f"BROKEN: {text}"), ("", traceback_text(error).rstrip("\n"))]
+    return "\n".join([*lines, *(f"  {label:<10}{text}" for label, text in facts if text), *options])
 
 
-def _files(registry: Registry, offer: BackendOffer, kind: type[Backend]) -> list[str]:
-    """List the paths of the weight sets in a backend's default options, or the folders that are searched."""
+def _status(kind: type[Backend]) -> str:
+    """Return what a backend with default options says is missing."""
+    with named_plugin_code("it cannot be constructed", kind):
+        backend = kind()
+    return "; ".join(("not ready", *missing)) if (missing := missing_requirements(backend)) else "ready"
+
+
+def _weights(offer: Offer, kind: type[Backend]) -> list[tuple[str, str]]:
+    """Return the licences, homepages and files of the weights in a backend's default options."""
+    from physic_core.weights.library import licence_text, named_sets
+
+    defaults = {name: field.get_default() for name, field in kind.Options.model_fields.items()}
+    sets = named_sets(offer.distribution, defaults)
+    found = [("weights", licence_text(sets) or kind.weights_license or "none")]
+    for one in sets:
+        found += [("homepage", one.homepage), ("files", _files(one))]
+    return list(dict.fromkeys(found))
+
+
+def _files(weights: WeightSet) -> str:
+    """Return the paths of the files of a weight set, or the folders that are searched."""
     from physic_core.weights.find import common_folder, describe_search_folders, locate_files
-    from physic_core.weights.manifest import read_manifest
 
-    lines = []
-    for field in kind.Options.model_fields.values():
-        name = field.get_default()
-        for manifest in registry.manifests if isinstance(name, str) else ():
-            try:
-                weights = read_manifest(manifest.path).get(name) if manifest.origin == offer.origin else None
-            except PhysicError as error:
-                lines.append(" ".join(str(error).split()))
-                continue
-            if weights is not None:
-                here = locate_files(weights)
-                complete = len(here) == len(weights.files)
-                folder = common_folder(here)
-                found = here.values() if folder is None else [folder]
-                searched = f"'{name}' is missing; searched: {describe_search_folders(name)}"
-                lines.append(", ".join(map(str, found)) if complete else searched)
-    return list(dict.fromkeys(lines))
-
-
-def _as_dict(registry: Registry, offer: BackendOffer) -> dict[str, Any]:
-    record, found = offer.record, _readiness(registry, offer)
-    return {
-        "interface": record.interface,
-        "backend": record.name,
-        **_owner(offer.origin),
-        "api": record.api,
-        "summary": record.summary,
-        "weights_license": _licence(registry, offer),
-        "needs": list(record.needs),
-        "packages": list(record.packages),
-        "weights": list(record.weights),
-        "homepage": record.homepage,
-        "target": str(record.target),
-        "status": found.word,
-        "why": found.why,
-        "seconds_to_register": round(offer.origin.seconds, 4),
-    }
-
-
-def _owner(origin: Any) -> dict[str, str]:
-    return {"plugin": origin.plugin, "distribution": origin.distribution, "version": origin.version}
-
-
-def _shorten(text: str) -> str:
-    return text if len(text) <= _MAX_CELL_WIDTH else f"{text[: _MAX_CELL_WIDTH - 1].rstrip(' ,;:')}…"
-
-
-def _needs(offer: BackendOffer) -> str:
-    return ", ".join((*offer.record.needs, *offer.record.packages))
-
-
-def _licence(registry: Registry, offer: BackendOffer) -> str:
-    from physic_core.weights.library import weights_licence
-
-    return weights_licence(registry, offer)
-
-
-def _readiness(registry: Registry, offer: BackendOffer) -> Readiness:
-    from physic_core.weights.library import missing_sets
-
-    return readiness(registry, offer, missing_sets=missing_sets)
-
-
-def _status(registry: Registry, offer: BackendOffer) -> str:
-    found = _readiness(registry, offer)
-    if offer.origin.seconds > _SLOW_SECONDS and found.word in ("ready", "unsure", "not ready"):
-        return f"{found}, slow: {offer.origin.seconds:.1f} s to register"
-    return str(found)
+    here = locate_files(weights)
+    if len(here) < len(weights.files):
+        return f"'{weights.name}' is missing; searched: {describe_search_folders(weights.name)}"
+    folder = common_folder(here)
+    return ", ".join(map(str, here.values() if folder is None else [folder]))
 
 
 def _options(model: Any) -> list[str]:

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import click
 
 from physic_core.cli.arguments import require_interface, with_current_folder
 from physic_core.cli.groups import ExtensibleGroup
 from physic_core.cli.output import echo, echo_json
-
-if TYPE_CHECKING:
-    from physic_core.discovery.registry import Registry
 
 _COMMANDS = {
     "list": ("physic_core.cli.plugins:list_plugins", "List installed backends, as `physic plugins` does."),
@@ -28,7 +23,7 @@ _JSON = click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 @_JSON
 @click.pass_context
 def plugins(ctx: click.Context, interface: str | None, as_json: bool) -> None:
-    """List installed backends; show or test them; create a plugin."""
+    """List installed backends without importing them; show or test them; create a plugin."""
     if ctx.invoked_subcommand is None:
         _list(interface, as_json)
 
@@ -43,31 +38,19 @@ def list_plugins(interface: str | None, as_json: bool) -> None:
 
 def _list(interface: str | None, as_json: bool) -> None:
     from physic_core.cli.listing import plugins_as_dicts, plugins_table
-    from physic_core.discovery.plugins import discover
 
     require_interface(interface)
-    found = discover()
     if as_json:
-        echo_json(plugins_as_dicts(found, interface))
+        echo_json(plugins_as_dicts(interface))
     else:
-        echo(plugins_table(found, interface))
+        echo(plugins_table(interface))
 
 
 @click.command("show")
 @click.argument("name")
 def show_plugin(name: str) -> None:
     """Show the options, licence and source of the backends called NAME."""
-    from physic_core.discovery.plugins import discover
-
-    echo(details(discover(), with_current_folder(name)))
-
-
-def details(registry: Registry, name: str) -> str:
-    """Format the descriptions of all backends of a name.
-
-    Raises:
-        BackendNotFoundError: no backend has this name.
-    """
     from physic_core.cli.listing import describe_backend
+    from physic_core.discovery.backends import find_by_name
 
-    return "\n\n".join(describe_backend(registry, offer) for offer in registry.find_by_name(name))
+    echo("\n\n".join(describe_backend(offer) for offer in find_by_name(with_current_folder(name))))

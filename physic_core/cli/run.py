@@ -145,10 +145,9 @@ def run(
         raise click.UsageError("--verbose prints more and --quiet less: give only one")
     photo = one_photo(photos)
     from physic_core.configuration.resolve import load_plan
-    from physic_core.discovery.plugins import discover
 
     # Fast checks come first: no network is loaded before config, files, device and output folder are checked.
-    plan = load_plan(discover(), file, preset=preset, overrides=overrides, flags=flags)
+    plan = load_plan(file, preset=preset, overrides=overrides, flags=flags)
     report = _writes_report(report, required=open_page, quiet=quiet)
     from physic_core.io.result_folder import file_digest
 

@@ -11,7 +11,7 @@ from physic_core.cli.groups import ExtensibleGroup
 from physic_core.cli.output import echo, echo_json, format_table
 
 if TYPE_CHECKING:
-    from physic_core.weights.library import ListedWeights, WeightLibrary
+    from physic_core.weights.library import ListedWeights
 
 _COMMANDS = {
     "list": (
@@ -41,10 +41,12 @@ def list_weights(missing: bool, as_json: bool) -> None:
 
     With --json, also their files with sources, SHA-256 and paths on this machine.
     """
-    library = _library()
+    from physic_core.weights.library import read_library
+
+    library = read_library()
     sets = [one for one in library.sets if not (missing and _state(one) == "here")]
     if as_json:
-        broken = [{"distribution": origin.distribution, "cause": why} for origin, why in library.broken]
+        broken = [{"distribution": offer.distribution, "cause": why} for offer, why in library.broken]
         echo_json({"sets": [_as_dict(one) for one in sets], "broken": broken})
         return
     rows = [("weights", "plugin", "size", "commercial use", "account", "state", "licence")]
@@ -53,12 +55,12 @@ def list_weights(missing: bool, as_json: bool) -> None:
         account = "needed" if found.account else "-"
         rows.append(
             (
-                *(found.name, one.origin.distribution, _size(found.bytes), _USE[found.commercial], account),
+                *(found.name, one.offer.distribution, _size(found.bytes), _USE[found.commercial], account),
                 *(_state(one), found.license),
             )
         )
-    for origin, why in library.broken:
-        rows.append(("-", origin.distribution, "-", "-", "-", "BROKEN", " ".join(why.split())))
+    for offer, why in library.broken:
+        rows.append(("-", offer.distribution, "-", "-", "-", "BROKEN", " ".join(why.split())))
     echo(format_table(rows) if len(rows) > 1 else "nothing is missing" if missing else "no plugin lists weights")
 
 
@@ -73,9 +75,10 @@ def verify(ctx: click.Context, names: tuple[str, ...], as_json: bool) -> None:
     if a file of a set NAME is missing.
     """
     from physic_core.weights.find import describe_mismatch, locate_files
+    from physic_core.weights.library import read_library
     from physic_core.weights.lock import locked
 
-    library = _library()
+    library = read_library()
     rows: list[dict[str, str]] = []
     for one in [library.get(name) for name in dict.fromkeys(names)] or library.sets:
         here = locate_files(one.weights)
@@ -108,13 +111,6 @@ def verify(ctx: click.Context, names: tuple[str, ...], as_json: bool) -> None:
     ctx.exit(WEIGHTS if any(row["state"] != "ok" for row in rows) else 0)
 
 
-def _library() -> WeightLibrary:
-    from physic_core.discovery.plugins import discover
-    from physic_core.weights.library import read_library
-
-    return read_library(discover().manifests)
-
-
 def _echo_row(row: dict[str, str]) -> None:
     end = f": {row['note']}" if row["note"] else ""
     echo(f"{row['state']:<8} {row['weights']} {row['file']}{end}")
@@ -141,7 +137,7 @@ def _as_dict(one: ListedWeights) -> dict[str, Any]:
     here = locate_files(one.weights)
     table = asdict(one.weights)
     files = [entry | {"here": str(here.get(entry["path"], ""))} for entry in table.pop("files")]
-    owner = {"distribution": one.origin.distribution, "version": one.origin.version}
+    owner = {"distribution": one.offer.distribution, "version": one.offer.version}
     return {"plugin": owner, **table, "bytes": one.weights.bytes, "state": _state(one), "files": files}
 
 

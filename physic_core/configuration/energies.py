@@ -1,24 +1,25 @@
-"""Presets of the engine by name: the core's "default", and those of plugins (group ``physic.energies``)."""
+"""Presets of the engine by name: the core's "default", and those of plugins (hook ``physic_engine_presets``)."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from physic_core.discovery.installed import Installed, find_entries, find_entry, import_target
-from physic_core.discovery.records import TargetRecord
-from physic_core.discovery.registration import ENERGIES_GROUP
+from physic_core.discovery.catalog import ENGINE_PRESETS
+from physic_core.discovery.hooks import PluginItem
+from physic_core.discovery.plugins import Found, find_item, find_items, import_item
 from physic_core.errors import PluginError
 
 if TYPE_CHECKING:
     from physic_core.engine.settings import EngineSettings
 
+_HOOK = "physic_engine_presets"
 DEFAULT_ENERGY = "default"
 """Name of the core's preset."""
 
 
 def engine_preset_names() -> tuple[str, ...]:
     """Return the names of the core's preset and of those of installed plugins, sorted."""
-    return tuple(sorted({DEFAULT_ENERGY, *(energy.record.name for energy in find_entries(ENERGIES_GROUP))}))
+    return tuple(sorted({DEFAULT_ENERGY, *(preset.record.name for preset in find_items(_HOOK))}))
 
 
 def check_engine_preset(name: str) -> None:
@@ -37,7 +38,7 @@ def engine_preset(name: str = DEFAULT_ENERGY) -> EngineSettings:
 
     Raises:
         ConfigError: no preset has this name, or several plugins offer it.
-        PluginError: the plugin cannot be imported, or its entry point names no settings.
+        PluginError: the plugin cannot be imported, or names no settings.
     """
     # The terms of stage 3 import torch, which a configuration without engine settings does not need.
     from physic_core.engine.presets import DEFAULT
@@ -46,15 +47,11 @@ def engine_preset(name: str = DEFAULT_ENERGY) -> EngineSettings:
     if name == DEFAULT_ENERGY:
         return DEFAULT
     found = _find(name)
-    settings = import_target(found, "energy")
+    settings = import_item(found, "engine preset")
     if not isinstance(settings, EngineSettings):
-        raise PluginError(
-            f"the energy '{name}' of {found.origin} should be an EngineSettings, got {type(settings).__name__}"
-        )
+        raise PluginError(f"{found.title('engine preset')} should be an EngineSettings, got {type(settings).__name__}")
     return settings
 
 
-def _find(name: str) -> Installed[TargetRecord]:
-    from physic_core.discovery.catalog import ENERGIES
-
-    return find_entry(ENERGIES_GROUP, name, "engine preset", own=DEFAULT_ENERGY, known=ENERGIES)
+def _find(name: str) -> Found[PluginItem]:
+    return find_item(_HOOK, name, "engine preset", own=DEFAULT_ENERGY, known=ENGINE_PRESETS)

@@ -10,16 +10,15 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
-from physic_core.adapters.devices import check_device
+from physic_core.adapters.devices import check_device, has_gpu
 from physic_core.configuration.model import BackendChoice, load_config
 from physic_core.configuration.problems import Problem, config_error, problems_from_pydantic
+from physic_core.discovery.backends import class_problem, find_backend, list_backends, load_class, missing_requirements
 from physic_core.discovery.close_names import did_you_mean
-from physic_core.discovery.offers import GIVEN_IN_PYTHON, BackendOffer
+from physic_core.discovery.entry_points import Offer
 from physic_core.discovery.plugin_code import named_plugin_code
-from physic_core.discovery.readiness import has_gpu, missing_requirements
-from physic_core.discovery.records import BackendRecord
 from physic_core.errors import (
     AmbiguousBackendError,
     BackendError,
@@ -31,16 +30,16 @@ from physic_core.errors import (
 from physic_core.files.text import quoted
 from physic_core.interfaces import INTERFACES
 from physic_core.types import Provenance
+from physic_core.weights.library import licence_text, named_sets
 
 if TYPE_CHECKING:
     from physic_core.configuration.model import Config, PhotoSettings
-    from physic_core.discovery.registry import Registry
     from physic_core.engine.settings import EngineSettings
     from physic_core.interfaces import Backend, Options
     from physic_core.weights.manifest import WeightSet
 
-_Chosen: TypeAlias = "tuple[BackendOffer, type[Backend], Options]"
-"""A backend that a plugin offers, its class, and its options."""
+_Chosen: TypeAlias = "tuple[Offer, type[Backend], Options]"
+"""A backend, its class, and its options."""
 
 
 @dataclass(frozen=True)
@@ -89,23 +88,20 @@ class ResolvedPipeline:
         return self.config.engine.settings() if self.given_engine is None else self.given_engine
 
 
-def resolve(
-    config: Config, registry: Registry, backends: Mapping[str, Backend | type[Backend]] | None = None
-) -> ResolvedPipeline:
+def resolve(config: Config, backends: Mapping[str, Backend | type[Backend]] | None = None) -> ResolvedPipeline:
     """Construct one backend for each interface; no weights are loaded and no network is used.
 
     Args:
         config: chooses the backends.
-        registry: the installed plugins.
         backends: by interface, instances or classes that replace the config's choice. A class gets its default options.
 
     Raises:
         ConfigError: names or options are invalid; the message lists all errors.
         BackendError: a backend is broken or of another interface, or its constructor failed.
     """
-    given = {name: _given_in_python(name, backend, registry) for name, backend in (backends or {}).items()}
+    given = {name: _given_in_python(name, backend) for name, backend in (backends or {}).items()}
     choices = {name: config.choice(name) for name in INTERFACES if name not in given}
-    found = {name: _construct(*one) for name, one in _select(choices, registry, config.source).items()} | given
+    found = {name: _construct(*one) for name, one in _select(choices, config.source).items()} | given
     config = config.with_backends({n: (one.provenance.backend, one.provenance.options) for n, one in given.items()})
     return ResolvedPipeline(
         backends=MappingProxyType({name: found[name] for name in INTERFACES if name in found}),
@@ -116,7 +112,7 @@ def resolve(
     )
 
 
-def resolve_one(interface: str, name: str, options: Mapping[str, object], registry: Registry) -> ResolvedBackend:
+def resolve_one(interface: str, name: str, options: Mapping[str, object]) -> ResolvedBackend:
     """Construct one backend without a configuration and without loading weights.
 
     Raises:
@@ -126,9 +122,10 @@ def resolve_one(interface: str, name: str, options: Mapping[str, object], regist
     """
     _require_interface(interface)
     if name in ("", "none"):
-        raise ConfigError(f"load_backend: name a backend of {interface}, one of {', '.join(registry.names(interface))}")
+        names = ", ".join(offer.name for offer in list_backends(interface))
+        raise ConfigError(f"load_backend: name a backend of {interface}, one of {names}")
     choice = BackendChoice(backend=name, options=dict(options))
-    resolved = _construct(*_select({interface: choice}, registry, lambda _: "load_backend")[interface])
+    resolved = _construct(*_select({interface: choice}, lambda _: "load_backend")[interface])
     if texts := missing_requirements(resolved.backend):
         raise WeightsMissingError(format_missing([f"{resolved.title}: {text}" for text in texts], ""))
     return resolved
@@ -187,41 +184,36 @@ def format_missing(texts: Sequence[str], end: str) -> str:
     return "\n".join([f"{head}{end}:", *("  " + text.replace("\n", "\n    ") for text in texts)])
 
 
-def named_weights(plan: ResolvedPipeline, registry: Registry) -> tuple[WeightSet, ...]:
+def named_weights(plan: ResolvedPipeline) -> tuple[WeightSet, ...]:
     """Return the weight sets that options of the backends name, each once, with the hashes of the lock file.
 
     Raises:
         BackendError: the manifest of a plugin is invalid.
     """
     from physic_core.weights.lock import locked
-    from physic_core.weights.manifest import read_manifest
 
     found: dict[tuple[str, str], WeightSet] = {}
     for resolved in plan.backends.values():
         who = resolved.provenance
-        for manifest in registry.manifests:
-            if manifest.origin.distribution == who.distribution:
-                sets = read_manifest(manifest.path)
-                names = (value for value in who.options.values() if isinstance(value, str) and value in sets)
-                found |= {(who.distribution, name): locked(sets[name]) for name in names}
+        for weights in named_sets(who.distribution, who.options):
+            found[who.distribution, weights.name] = locked(weights)
     return tuple(found.values())
 
 
-def check_backends(config: Config, registry: Registry) -> None:
+def check_backends(config: Config) -> None:
     """Check the names and options of all backends without constructing them.
 
     Raises:
         ConfigError: names or options are invalid; the message lists all errors.
         BackendError: a backend is broken.
     """
-    _select({name: config.choice(name) for name in INTERFACES}, registry, config.source)
+    _select({name: config.choice(name) for name in INTERFACES}, config.source)
 
 
-def load_checked_config(registry: Registry, file: str | os.PathLike[str] | None = None, **settings: Any) -> Config:
+def load_checked_config(file: str | os.PathLike[str] | None = None, **settings: Any) -> Config:
     """Load a configuration, and check the names and options of its backends.
 
     Args:
-        registry: the installed plugins.
         file: as in :func:`physic_core.configuration.model.load_config`.
         settings: preset, overrides, flags and environment, as in ``load_config``.
 
@@ -230,15 +222,14 @@ def load_checked_config(registry: Registry, file: str | os.PathLike[str] | None 
         BackendError: a backend is broken.
     """
     config = load_config(file, **settings)
-    check_backends(config, registry)
+    check_backends(config)
     return config
 
 
-def load_plan(registry: Registry, file: str | os.PathLike[str] | None = None, **settings: Any) -> ResolvedPipeline:
+def load_plan(file: str | os.PathLike[str] | None = None, **settings: Any) -> ResolvedPipeline:
     """Load a configuration and check it, with its backends, their weights and the device; no network is loaded.
 
     Args:
-        registry: the installed plugins.
         file: as in :func:`load_checked_config`.
         settings: as in :func:`load_checked_config`.
 
@@ -246,7 +237,7 @@ def load_plan(registry: Registry, file: str | os.PathLike[str] | None = None, **
         ConfigError: the configuration is invalid.
         PhysicError: a backend cannot be imported or constructed, or its weights are missing.
     """
-    plan = resolve(load_checked_config(registry, file, **settings), registry)
+    plan = resolve(load_checked_config(file, **settings))
     require_available(plan)
     return plan
 
@@ -257,7 +248,7 @@ def _require_interface(name: str) -> None:
         raise ConfigError(f"backends: no interface named '{name}'; there are: {', '.join(INTERFACES)}{hint}")
 
 
-def _given_in_python(interface: str, given: object, registry: Registry) -> ResolvedBackend:
+def _given_in_python(interface: str, given: object) -> ResolvedBackend:
     """Check an instance given in Python, or construct a class with its default options.
 
     Raises:
@@ -265,27 +256,20 @@ def _given_in_python(interface: str, given: object, registry: Registry) -> Resol
         BackendError: the object is of another interface, or its class is incomplete.
     """
     _require_interface(interface)
-    wanted = INTERFACES[interface]
-    kind = given if isinstance(given, type) else type(given)
-    if not issubclass(kind, wanted):
-        raise BackendError(
-            f"backends['{interface}'] should be an instance or a subclass of physic_core.interfaces.{wanted.__name__} "
-            f"(got {quoted(given)})"
-        )
+    kind: Any = given if isinstance(given, type) else type(given)
+    if problem := class_problem(kind, interface):
+        raise BackendError(f"backends['{interface}']: the class of {quoted(given)} {problem}")
     name = f"{kind.__module__}:{kind.__qualname__}"
-    offer = BackendOffer(BackendRecord(interface, name, kind, api=wanted.api), GIVEN_IN_PYTHON)
-    registry.load_concrete_class(offer)
-    if isinstance(given, wanted):
-        return _resolved(offer, given, given.options, cacheable=False)
+    offer = Offer(f"physic.{interface}", name, name, "given in Python")
+    if isinstance(given, INTERFACES[interface]):
+        return _resolved(offer, given, cacheable=False)
     try:
         return _construct(offer, kind, kind.Options())
     except ValidationError as error:
         raise ConfigError(f"backends['{interface}']: {name} has options without a default: give an instance") from error
 
 
-def _select(
-    choices: Mapping[str, BackendChoice], registry: Registry, source: Callable[[str], str]
-) -> dict[str, _Chosen]:
+def _select(choices: Mapping[str, BackendChoice], source: Callable[[str], str]) -> dict[str, _Chosen]:
     """Import the chosen backend of each interface, and check its options.
 
     Raises:
@@ -299,8 +283,8 @@ def _select(
         if choice.backend == "none":
             continue
         try:
-            offer = registry.get(interface, choice.backend)
-            kind = registry.load_concrete_class(offer)
+            offer = find_backend(interface, choice.backend)
+            kind = load_class(offer)
         except (BackendNotFoundError, AmbiguousBackendError) as error:
             problems.append(Problem(f"{interface}.backend", str(error)))
             cause = cause or error
@@ -314,21 +298,21 @@ def _select(
     return chosen
 
 
-def _construct(offer: BackendOffer, kind: type[Backend], options: Options) -> ResolvedBackend:
+def _construct(offer: Offer, kind: type[Backend], options: Options) -> ResolvedBackend:
     with named_plugin_code(f"{offer} cannot be constructed", kind):
         backend = kind(options)
-    return _resolved(offer, backend, options)
+    return _resolved(offer, backend)
 
 
-def _resolved(offer: BackendOffer, backend: Backend, options: BaseModel, *, cacheable: bool = True) -> ResolvedBackend:
-    record, origin = offer.record, offer.origin
+def _resolved(offer: Offer, backend: Backend, *, cacheable: bool = True) -> ResolvedBackend:
+    options = backend.options.model_dump(mode="json")
     provenance = Provenance(
-        interface=record.interface,
-        backend=record.name,
-        plugin=origin.plugin,
-        distribution=origin.distribution,
-        version=origin.version,
-        options=options.model_dump(mode="json"),
-        weights_license=record.weights_license,
+        interface=offer.interface,
+        backend=offer.name,
+        plugin=type(backend).__module__.partition(".")[0],
+        distribution=offer.distribution,
+        version=offer.version,
+        options=options,
+        weights_license=licence_text(named_sets(offer.distribution, options)) or backend.weights_license,
     )
     return ResolvedBackend(backend, provenance, cacheable)

@@ -1,65 +1,36 @@
-"""Hints in messages: the known distributions and what they offer, how to install them, and names that are close."""
+"""The distributions of the project and what they add, for hints on what to install."""
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable, Mapping
 from importlib import resources
 from typing import Any
 
 _IN_CONTRIB = ("physic-omnieraser", "physic-ray")
+_TABLES: dict[str, Any] = tomllib.loads((resources.files(__package__) / "catalog.toml").read_text(encoding="utf-8"))
 
 
-def _read() -> dict[str, Any]:
-    return tomllib.loads((resources.files(__package__) / "catalog.toml").read_text(encoding="utf-8"))
+def _owners(table: str) -> dict[str, str]:
+    return {name: distribution for distribution, names in _TABLES[table].items() for name in names}
 
-
-def _by_distribution(tables: Mapping[str, Mapping[str, list[str]]]) -> dict[str, dict[str, tuple[str, ...]]]:
-    return {owner: {name: tuple(words) for name, words in table.items()} for owner, table in tables.items()}
-
-
-def _owners(offers: Mapping[str, Iterable[str]]) -> dict[str, str]:
-    return {name: distribution for distribution, names in offers.items() for name in names}
-
-
-_TABLES = _read()
 
 REQUIRES: dict[str, list[str]] = _TABLES["requires"]
 """Distributions of the project that another one needs beside physic-core."""
 
-CATALOG = _by_distribution(_TABLES["backends"])
-"""Backend names by distribution and interface."""
+BACKENDS = _owners("backends")
+"""Distribution of each known backend."""
 
-COMMANDS = _owners(_TABLES["commands"])
+COMMANDS = _owners("commands")
 """Distribution of each known plugin command of ``physic``."""
 
-ENERGIES = _owners(_TABLES["energies"])
+ENGINE_PRESETS = _owners("engine_presets")
 """Distribution of each known preset of the engine."""
 
-PAGES = _owners(_TABLES["pages"])
-"""Distribution of each known maker of pages of results."""
-
-EXECUTORS = _owners(_TABLES["executors"])
+EXECUTORS = _owners("executors")
 """Distribution of each known executor of ``physic batch``."""
 
-EXPORTERS = _by_distribution(_TABLES["exporters"])
-"""Export formats and their suffixes, by distribution."""
-
-
-def distribution_for(interface: str | None, name: str) -> str | None:
-    """Return the known distribution that offers a backend, or None; ``interface`` None means any interface."""
-    return next((owner for owner, offers in CATALOG.items() if name in _names(offers, interface)), None)
-
-
-def known_names(interface: str | None) -> tuple[str, ...]:
-    """Return the backend names that known distributions offer for an interface, or for all interfaces if it is None."""
-    return tuple(dict.fromkeys(name for offers in CATALOG.values() for name in _names(offers, interface)))
-
-
-def _names(offers: Mapping[str, tuple[str, ...]], interface: str | None) -> tuple[str, ...]:
-    if interface is not None:
-        return offers.get(interface, ())
-    return tuple(name for names in offers.values() for name in names)
+EXPORTERS = _owners("exporters")
+"""Distribution of each known format of ``physic export``."""
 
 
 def sources_in_checkout(distribution: str) -> tuple[str, ...]:
@@ -67,8 +38,7 @@ def sources_in_checkout(distribution: str) -> tuple[str, ...]:
 
     They include the distributions that it requires: until they are released, no index may be asked for their names.
     """
-    owners = (COMMANDS, ENERGIES, EXECUTORS, PAGES)
-    if distribution not in {*CATALOG, *EXPORTERS, *(name for table in owners for name in table.values())}:
+    if not any(distribution in table for table in _TABLES.values()):
         return ()
     names = (*REQUIRES.get(distribution, ()), distribution)
     return tuple(f"{'contrib' if name in _IN_CONTRIB else 'plugins'}/{name}" for name in names)

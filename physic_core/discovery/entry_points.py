@@ -1,103 +1,145 @@
-"""Call the hooks of all installed plugins, and collect their backends, weight manifests and errors."""
+"""What the entry points of installed distributions offer, without importing it, and versions of distributions.
+
+A plugin has one entry point for each backend, in the group ``physic.INTERFACE``, such as ``physic.metric_depth``. It
+has one in ``physic.weights`` if it lists weights (:mod:`physic_core.weights.manifest`), and one in ``physic.plugins``
+if it has hooks (:mod:`physic_core.discovery.hooks`).
+"""
 
 from __future__ import annotations
 
 import os
-import time
-from collections.abc import Callable, Iterable, Mapping
+import re
+import sys
+from contextlib import suppress
 from dataclasses import dataclass
-from importlib.metadata import EntryPoint
+from functools import lru_cache
+from importlib.metadata import PackageNotFoundError, distributions, requires, version
+from importlib.util import find_spec
 from pathlib import Path
 
-from physic_core.discovery.offers import BackendOffer, BrokenPlugin, Manifest, Origin, backend_record_problem
-from physic_core.discovery.records import RECORD_HOOKS
-from physic_core.discovery.registration import (
-    PLUGINS_GROUP,
-    PLUGINS_VARIABLE,
-    WEIGHTS_HOOK,
-    InvalidPluginError,
-    call_hook,
-    distribution_of,
-    module_of,
-    register_plugins,
-    select_entry_points,
-)
+from physic_core.errors import PluginError
+
+HOOKS_GROUP = "physic.plugins"
+WEIGHTS_GROUP = "physic.weights"
+PLUGINS_VARIABLE = "PHYSIC_PLUGINS"
+_PREFIX = "physic."
+_GROUP = re.compile(r"physic(?![a-z])")  # also "physic_plugins", which is reported
+_REQUIREMENT_NAME = re.compile(r"[\w.-]+")
 
 
 @dataclass(frozen=True)
-class FoundPlugins:
-    """Backends, weight manifests and errors of all installed plugins.
+class Offer:
+    """One entry point of an installed distribution, or a class that stands in for one.
 
     Attributes:
-        offers: the backends.
-        broken: plugins with errors.
-        manifests: paths of weight manifests; they are not read.
-        restriction: value of ``PHYSIC_PLUGINS``, which hides all other plugins; None if it is not set.
+        group: "physic.metric_depth" for a backend of the interface "metric_depth".
+        name: the entry point's; of a backend, its name in configs.
+        target: "package.module:Class"; for a class in a file of the user, "/folder/module:Class".
+        distribution: its name, or words that say where the class comes from.
+        version: of the distribution; "" if there is none.
     """
 
-    offers: tuple[BackendOffer, ...] = ()
-    broken: tuple[BrokenPlugin, ...] = ()
-    manifests: tuple[Manifest, ...] = ()
-    restriction: str | None = None
+    group: str
+    name: str
+    target: str
+    distribution: str
+    version: str = ""
+
+    @property
+    def interface(self) -> str:
+        """The interface of a backend."""
+        return self.group.removeprefix(_PREFIX)
+
+    @property
+    def owner(self) -> str:
+        """Distribution and version."""
+        return f"{self.distribution} {self.version}".rstrip()
+
+    def __str__(self) -> str:
+        return f"{self.interface} '{self.name}' ({self.owner})"
 
 
-def find_plugins(
-    installed: Iterable[EntryPoint] | None = None,
-    *,
-    environment: Mapping[str, str] = os.environ,
-    clock: Callable[[], float] = time.perf_counter,
-) -> FoundPlugins:
-    """Call the hooks of every installed plugin; list broken plugins instead of raising an error.
+def installed_offers(group: str = "") -> tuple[Offer, ...]:
+    """Return the entry points of a group, or of all groups of PhySIC, sorted by group, name and distribution.
 
-    Args:
-        installed: entry points; None for those of this Python.
-        environment: if it has ``PHYSIC_PLUGINS=a,b``, only the distributions of these names are imported; none
-            if it is empty.
-        clock: returns the time in seconds.
+    With ``PHYSIC_PLUGINS=a,b`` in the environment, only those of the distributions with these names.
     """
-    entries, unknown = select_entry_points(PLUGINS_GROUP, installed, environment)
-    plugins = register_plugins(entries, clock)
-    # Commands and exporters are only checked here.
-    answers = {
-        hook: tuple(call_hook(plugins, hook, clock))
-        for hook in ("physic_backends", WEIGHTS_HOOK, *RECORD_HOOKS.values())
-    }
-    origins = {name: origin_of(entry, plugins.seconds[name]) for name, entry in plugins.entries.items()}
-    broken = [_broken(origin_of(entry), error) for entry, error in plugins.rejected]
-    broken += [
-        _broken(origins[answer.plugin], answer.error, f"{hook}() fails: ")
-        for hook, given in answers.items()
-        for answer in given
-        if answer.error is not None
-    ]
-    return FoundPlugins(
-        tuple(
-            BackendOffer(record, origins[answer.plugin], backend_record_problem(record, origins[answer.plugin]))
-            for answer in answers["physic_backends"]
-            for record in answer.returned or ()
-        ),
-        (
-            *(BrokenPlugin(Origin("", name), f"named in {PLUGINS_VARIABLE} but not installed") for name in unknown),
-            *sorted(broken, key=lambda plugin: plugin.origin.distribution),
-        ),
-        tuple(
-            Manifest(origins[answer.plugin], Path(answer.returned))
-            for answer in answers[WEIGHTS_HOOK]
-            if answer.error is None
-        ),
-        environment.get(PLUGINS_VARIABLE),
+    asked = restricted_to()
+    found = _read_entry_points(_folders())
+    return tuple(
+        offer
+        for offer in found
+        if group in ("", offer.group) and (asked is None or canonicalize_name(offer.distribution) in asked)
     )
 
 
-def origin_of(entry: EntryPoint, seconds: float = 0.0) -> Origin:
-    """Return the plugin of an entry point; reads the metadata of its distribution."""
-    distribution, number = distribution_of(entry)
-    return Origin(module_of(entry), distribution, number, seconds)
+def restricted_to() -> tuple[str, ...] | None:
+    """Return the names of the distributions that ``PHYSIC_PLUGINS`` allows; None if it is not set."""
+    text = os.environ.get(PLUGINS_VARIABLE)
+    return None if text is None else tuple(canonicalize_name(name.strip()) for name in text.split(",") if name.strip())
 
 
-def _broken(origin: Origin, error: Exception, title: str = "") -> BrokenPlugin:
-    if isinstance(error, InvalidPluginError):
-        return BrokenPlugin(origin, str(error), error)
-    from physic_core.discovery.error_text import describe_error
+def group_problem(group: str) -> str:
+    """Return why nothing reads a group of entry points; "" if it is read."""
+    from physic_core.discovery.close_names import did_you_mean
+    from physic_core.interfaces import INTERFACES
 
-    return BrokenPlugin(origin, f"{title}{describe_error(error, origin.plugin)}", error)
+    known = (HOOKS_GROUP, WEIGHTS_GROUP, *(f"{_PREFIX}{interface}" for interface in INTERFACES))
+    return (
+        "" if group in known else f"nothing reads its entry points of the group '{group}'{did_you_mean(group, known)}"
+    )
+
+
+def weights_folder(offer: Offer) -> Path:
+    """Return the folder of the package that an entry point of ``physic.weights`` names; the package is not imported.
+
+    Raises:
+        PluginError: there is no such folder.
+    """
+    top, *below = offer.target.split(".")
+    with suppress(ImportError, ValueError):
+        spec = find_spec(top)
+        for place in (spec and spec.submodule_search_locations) or ():
+            if (folder := Path(place, *below)).is_dir():
+                return folder
+    raise PluginError(f"{offer.owner}: there is no folder of the package {offer.target}, which should list its weights")
+
+
+def canonicalize_name(distribution: str) -> str:
+    """Return a distribution name in lower case, with hyphens, for comparison (PEP 503)."""
+    return re.sub(r"[-_.]+", "-", distribution).lower()
+
+
+def core_version() -> str:
+    """Return the version of the installed physic-core."""
+    return version("physic-core")
+
+
+def required_versions(distribution: str) -> dict[str, str]:
+    """Return the installed versions of a distribution's requirements, by name; extras are ignored."""
+    found = {}
+    with suppress(PackageNotFoundError, ValueError):  # ValueError: the name is empty
+        for line in requires(distribution) or ():
+            name, marker = _REQUIREMENT_NAME.match(line), line.partition(";")[2]
+            if name and "extra" not in marker:
+                with suppress(PackageNotFoundError):
+                    found[canonicalize_name(name[0])] = version(name[0])
+    return found
+
+
+def _folders() -> tuple[tuple[str, float], ...]:
+    """Return the folders that distributions are searched in, and when each was changed."""
+    return tuple((folder, os.stat(folder).st_mtime) for folder in sys.path if os.path.isdir(folder))
+
+
+@lru_cache(maxsize=8)
+def _read_entry_points(folders: tuple[tuple[str, float], ...]) -> tuple[Offer, ...]:
+    offers, seen = [], set()
+    for found in distributions():
+        entries = [entry for entry in found.entry_points if _GROUP.match(entry.group)]
+        name = found.metadata["Name"] if entries else ""
+        if not name or canonicalize_name(name) in seen:  # Python imports the first distribution of a name
+            continue
+        seen.add(canonicalize_name(name))
+        offers += [Offer(one.group, one.name, one.value, name, found.version) for one in entries]
+    return tuple(sorted(offers, key=lambda one: (one.group, one.name, one.distribution)))

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from importlib.metadata import EntryPoint
-
 from physic_core.discovery.catalog import EXPORTERS, how_to_install
-from physic_core.discovery.installed import Installed, explain_absence, find_installed
-from physic_core.discovery.records import ExporterRecord
+from physic_core.discovery.hooks import ExporterRecord
+from physic_core.discovery.plugins import Found, explain_absence, find_items
 from physic_core.errors import InputError, PackageMissingError
 
 _GLB = ExporterRecord(
@@ -30,21 +28,21 @@ _ELSEWHERE = {
 """What to do in place of formats that no installed plugin writes."""
 
 
-def find_exporters() -> tuple[Installed[ExporterRecord], ...]:
+def find_exporters() -> tuple[Found[ExporterRecord], ...]:
     """Return the exporters of all installed plugins, sorted by name, and the core's GLB if no plugin writes one.
 
     Nothing of them is imported.
     """
-    found = find_installed(ExporterRecord)
+    found = find_items("physic_exporters")
     if not any(exporter.record.name == _GLB.name for exporter in found):
-        found = (Installed(_GLB, EntryPoint("physic-core", "physic_core", "")), *found)
+        found = (Found(_GLB, "physic-core"), *found)
     return tuple(sorted(found, key=lambda exporter: exporter.record.name))
 
 
-def find_exporter(name: str | None, suffix: str = "") -> Installed[ExporterRecord]:
+def find_exporter(name: str | None, suffix: str = "") -> Found[ExporterRecord]:
     """Return the exporter of a format by its name or, without a name, by a file suffix (".glb").
 
-    Its ``record`` is an :class:`physic_core.ExporterRecord`, its ``origin`` the plugin.
+    Its ``record`` is an :class:`physic_core.ExporterRecord`, its ``distribution`` the plugin's name.
 
     Raises:
         InputError: no format has this name or suffix, or several have; the message names a known distribution that
@@ -57,7 +55,7 @@ def find_exporter(name: str | None, suffix: str = "") -> Installed[ExporterRecor
     if len(found) == 1:
         kind = found[0].record
         if kind.missing_packages:
-            install = f": {how_to_install(found[0].origin.distribution, kind.extra)}" if kind.extra else ""
+            install = f": {how_to_install(found[0].distribution, kind.extra)}" if kind.extra else ""
             raise PackageMissingError(
                 f"export to {kind.name} needs {', '.join(kind.missing_packages)}, which is not installed{install}"
             )
@@ -66,15 +64,16 @@ def find_exporter(name: str | None, suffix: str = "") -> Installed[ExporterRecor
         names = " or ".join(dict.fromkeys(each.record.name for each in found))
         if len({each.record.name for each in found}) == len(found):
             raise InputError(f"a file {suffix} can be {names}: state which (--to, or format= in Python)")
-        owners = " and ".join(sorted(each.origin.distribution for each in found))
+        owners = " and ".join(sorted(each.distribution for each in found))
         raise InputError(f"the export format {names} is offered by {owners}: uninstall one of them")
     if wanted in _ELSEWHERE:
         raise InputError(f"cannot export to '{wanted}': {_ELSEWHERE[wanted]}")
-    for distribution, formats in EXPORTERS.items():
-        if wanted in formats if name else any(suffix.lower() in suffixes for suffixes in formats.values()):
-            what = f"the export format '{wanted}'" if name else f"the export to a file {suffix}"
-            raise InputError(f"{what} needs {explain_absence(distribution)}")
-    choose = f"choose one of {', '.join(each.record.name for each in exporters)}"
+    if wanted in EXPORTERS:
+        raise InputError(f"the export format '{wanted}' needs {explain_absence(EXPORTERS[wanted])}")
+    known = [each.record.name for each in exporters]
+    choose = f"choose one of {', '.join(known)}"
+    if absent := [other for other in EXPORTERS if other not in known]:
+        choose += f"; {', '.join(absent)} are in {explain_absence(EXPORTERS[absent[0]])}"
     if name:
         raise InputError(f"there is no export format '{name}': {choose}")
     what = f"'{suffix}' is the suffix of none" if suffix else "the path has no suffix"

@@ -1,4 +1,4 @@
-"""Run code of plugins: some of what it does to the process is undone, and it cannot end the process with an exception.
+"""Run code of plugins: it cannot end the process with an exception, and what it prints goes to stderr.
 
 This is not a sandbox: a plugin is code that the user has installed. It protects a run from plugins that are careless.
 """
@@ -9,7 +9,6 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, redirect_stdout, suppress
-from typing import Any
 
 from physic_core.errors import BackendError, PhysicError
 
@@ -25,16 +24,12 @@ def plugin_error(error: BaseException) -> BaseException:
 
 @contextmanager
 def plugin_code() -> Iterator[None]:
-    """Run code of a plugin, and restore the current folder and some settings of torch after it.
-
-    These are gradient mode, default type and device, and threads. Pillow's switches are set by the reader of photos,
-    whenever it decodes. Inside :func:`own_stdout`, ``print`` writes to stderr.
+    """Run code of a plugin. Inside :func:`own_stdout`, ``print`` writes to stderr.
 
     Raises:
         PluginExit: the plugin raised a BaseException that is not an Exception.
         KeyboardInterrupt: the user pressed Ctrl-C, or a handler of a signal raised one.
     """
-    folder, before = _current_folder(), _torch_settings()
     try:
         with redirect_stdout(sys.stderr) if _stdout_is_own else ExitStack():
             yield
@@ -42,11 +37,6 @@ def plugin_code() -> Iterator[None]:
         raise
     except BaseException as error:
         raise PluginExit(f"{type(error).__name__}: {error}".rstrip(": ")) from error
-    finally:
-        if folder is not None and _current_folder() != folder:
-            with suppress(OSError):
-                os.chdir(folder)
-        _restore_torch(before)
 
 
 @contextmanager
@@ -113,41 +103,3 @@ def _separate_stdout() -> Iterator[None]:
         with suppress(OSError):
             os.dup2(kept, number)
         own.close()  # writes what is buffered
-
-
-def _current_folder() -> str | None:
-    try:
-        return os.getcwd()
-    except OSError:  # it was deleted
-        return None
-
-
-def _imported_torch() -> Any:
-    """Return torch, or None if it is not imported, or only in part, by another thread."""
-    torch = sys.modules.get("torch")
-    return None if getattr(getattr(torch, "__spec__", None), "_initializing", False) else torch
-
-
-def _torch_settings() -> dict[str, Any]:
-    """Return the settings of torch that plugins must not change, by the name of the function that sets each."""
-    torch = _imported_torch()
-    if torch is None:
-        return {}
-    device = torch.get_default_device()
-    return {
-        "set_default_dtype": torch.get_default_dtype(),
-        "set_default_device": None if device.type == "cpu" else device,
-        "set_grad_enabled": torch.is_grad_enabled(),
-        "set_num_threads": torch.get_num_threads(),
-    }
-
-
-def _restore_torch(before: dict[str, Any]) -> None:
-    torch, after = _imported_torch(), _torch_settings()
-    if torch is None:
-        return
-    if not before:  # the plugin has imported it
-        before = {"set_default_dtype": torch.float32, "set_default_device": None, "set_grad_enabled": True}
-    for setter, value in before.items():
-        if after[setter] != value:
-            getattr(torch, setter)(value)

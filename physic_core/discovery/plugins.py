@@ -1,52 +1,184 @@
-"""Find the backends of all installed plugins, and the versions of distributions."""
+"""Ask the hooks of installed plugins for what they add, and import it when it is used.
+
+Each plugin has a pluggy manager of its own: a plugin that fails takes nothing of another one away.
+"""
 
 from __future__ import annotations
 
 import os
-import re
-import time
-from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
-from importlib.metadata import EntryPoint, PackageNotFoundError, requires, version
+import sys
+from collections.abc import Mapping
+from contextlib import redirect_stdout, suppress
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import Any, Generic, TypeVar
 
-from physic_core.discovery.entry_points import find_plugins
-from physic_core.discovery.offers import canonicalize_name
-from physic_core.discovery.registration import ENTRY_POINT_GROUPS, PLUGINS_GROUP
-from physic_core.discovery.registry import Registry
+import pluggy
 
-__all__ = ["ENTRY_POINT_GROUPS", "PLUGINS_GROUP", "core_version", "discover", "required_versions"]
+from physic_core.discovery import hooks
+from physic_core.discovery.catalog import how_to_install
+from physic_core.discovery.close_names import did_you_mean
+from physic_core.discovery.entry_points import (
+    HOOKS_GROUP,
+    PLUGINS_VARIABLE,
+    Offer,
+    canonicalize_name,
+    group_problem,
+    installed_offers,
+    restricted_to,
+)
+from physic_core.discovery.error_text import describe_error
+from physic_core.discovery.hooks import PROJECT, RECORDS, ExporterRecord, PluginItem
+from physic_core.discovery.plugin_code import named_plugin_code, plugin_code
+from physic_core.errors import ConfigError, PluginError
 
-_REQUIREMENT_NAME = re.compile(r"[\w.-]+")
-
-
-def core_version() -> str:
-    """Return the version of the installed physic-core."""
-    return version("physic-core")
-
-
-def required_versions(distribution: str) -> dict[str, str]:
-    """Return the installed versions of a distribution's requirements, by name; extras are ignored."""
-    found = {}
-    with suppress(PackageNotFoundError, ValueError):  # ValueError: the name is empty
-        for line in requires(distribution) or ():
-            name, marker = _REQUIREMENT_NAME.match(line), line.partition(";")[2]
-            if name and "extra" not in marker:
-                with suppress(PackageNotFoundError):
-                    found[canonicalize_name(name[0])] = version(name[0])
-    return found
+_Record = TypeVar("_Record", bound=PluginItem | ExporterRecord)
 
 
-def discover(
-    installed: Iterable[EntryPoint] | None = None,
-    *,
-    environment: Mapping[str, str] = os.environ,
-    clock: Callable[[], float] = time.perf_counter,
-) -> Registry:
-    """Return a registry of the backends of all installed plugins; it lists broken plugins in ``broken``.
+@dataclass(frozen=True)
+class Found(Generic[_Record]):
+    """A record that a hook returned, and the owner of the hook."""
 
-    The arguments are those of :func:`physic_core.discovery.entry_points.find_plugins`.
+    record: _Record
+    distribution: str
+    version: str = ""
+
+    def title(self, role: str) -> str:
+        """Return "the executor 'ray' of physic-ray 0.1", for messages; ``role`` is "executor"."""
+        return f"the {role} '{self.record.name}' of {self.distribution} {self.version}".rstrip()
+
+
+@dataclass(frozen=True)
+class BrokenPlugin:
+    """A plugin with hooks that cannot be imported or that fails, or one whose entry point nothing reads.
+
+    Attributes:
+        distribution: its name.
+        version: of the distribution.
+        cause: the failure, one line.
+        error: the exception, if there was one.
     """
-    found = find_plugins(installed, environment=environment, clock=clock)
-    return Registry(
-        found.offers, found.broken, restriction=found.restriction, manifests=found.manifests, installed=False
-    )
+
+    distribution: str
+    version: str
+    cause: str
+    error: BaseException | None = field(default=None, compare=False)
+
+    def __str__(self) -> str:
+        return f"{f'{self.distribution} {self.version}'.rstrip()} ({self.cause})"
+
+
+def find_items(hook: str) -> tuple[Found[Any], ...]:
+    """Return what all plugins return from a hook of :mod:`physic_core.discovery.hooks`; broken plugins are skipped."""
+    found: list[Found[Any]] = []
+    for offer in installed_offers(HOOKS_GROUP):
+        with suppress(Exception):  # listed by broken_plugins
+            found += [Found(record, offer.distribution, offer.version) for record in _ask(offer, hook)]
+    return tuple(found)
+
+
+def broken_plugins() -> tuple[BrokenPlugin, ...]:
+    """Return the plugins with hooks that fail, entry points that nothing reads, and what is not there to restrict to.
+
+    No backend is imported.
+    """
+    broken = []
+    for offer in installed_offers(HOOKS_GROUP):
+        for hook in RECORDS:
+            try:
+                _ask(offer, hook)
+            except Exception as error:  # a plugin may raise anything
+                cause = describe_error(error, offer.target)
+                broken.append(BrokenPlugin(offer.distribution, offer.version, cause, error))
+    for offer in installed_offers():
+        if problem := group_problem(offer.group):
+            broken.append(BrokenPlugin(offer.distribution, offer.version, problem))
+    here = {canonicalize_name(offer.distribution) for offer in installed_offers()}
+    for name in restricted_to() or ():
+        if name not in here:
+            broken.append(BrokenPlugin(name, "", f"named in {PLUGINS_VARIABLE}, and not installed"))
+    return tuple({str(one): one for one in broken}.values())
+
+
+def find_item(hook: str, name: str, role: str, *, own: str, known: Mapping[str, str]) -> Found[PluginItem]:
+    """Return the item of a name that a plugin adds.
+
+    Args:
+        hook: that returns it, such as "physic_executors".
+        name: of the item.
+        role: what it is, for the messages, such as "executor".
+        own: name that the core itself offers, which the messages list, too.
+        known: distribution of each known name.
+
+    Raises:
+        ConfigError: no plugin, or more than one, offers the name.
+    """
+    items = find_items(hook)
+    found = [one for one in items if one.record.name == name]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        owners = " and ".join(sorted(one.distribution for one in found))
+        raise ConfigError(f"the {role} '{name}' is offered by {owners}: uninstall one of them")
+    if name in known:
+        raise ConfigError(f"the {role} '{name}' needs {explain_absence(known[name])}")
+    names = sorted({own, *known, *(one.record.name for one in items)})
+    raise ConfigError(f"no {role} named '{name}'; there are: {', '.join(names)}{did_you_mean(name, names)}")
+
+
+def import_item(found: Found[Any], role: str) -> Any:
+    """Import what the target of a record names; ``role`` is as of :func:`find_item`.
+
+    Raises:
+        PluginError: it cannot be imported.
+    """
+    module, _, attribute = found.record.target.partition(":")
+    with named_plugin_code(f"{found.title(role)} cannot be imported", module, kind=PluginError):
+        return getattr(import_module(module), attribute)
+
+
+def call_item(found: Found[Any], role: str, *arguments: object) -> Any:
+    """Import the function that the target of a record names, and call it with the arguments.
+
+    Raises:
+        PluginError: it cannot be imported, or fails.
+        PhysicError: raised by the function itself.
+    """
+    function = import_item(found, role)
+    with named_plugin_code(f"{found.title(role)} fails", found.record.target.partition(":")[0], kind=PluginError):
+        return function(*arguments)
+
+
+def explain_absence(distribution: str) -> str:
+    """Return the reason why nothing of a known distribution is found, and how to install it.
+
+    As "physic-ray, which is not installed: `pip install ...`".
+    """
+    reason = "not installed"
+    if restricted_to() is not None:
+        reason = f"not installed, or hidden by {PLUGINS_VARIABLE}={os.environ[PLUGINS_VARIABLE]!r}"
+    if broken := [plugin.cause for plugin in broken_plugins() if plugin.distribution == distribution]:
+        reason = f"broken ({broken[0]})"
+    return f"{distribution}, which is {reason}: {how_to_install(distribution)}"
+
+
+def _ask(offer: Offer, hook: str) -> list[Any]:
+    """Import a module of hooks, and return what one of them returns; empty if it has no such hook.
+
+    Raises:
+        Exception: the module or the hook raised it, or the hook returned something else than records.
+    """
+    kind = RECORDS[hook]
+    # What a plugin prints must not mix with the output of a command.
+    with plugin_code(), redirect_stdout(sys.stderr):
+        module = import_module(offer.target)
+        manager = pluggy.PluginManager(PROJECT)
+        manager.add_hookspecs(hooks)
+        manager.register(module, offer.name)
+        manager.check_pending()
+        if not manager.get_hookcallers(module):
+            raise PluginError(f"{offer.target} has no function marked with @hookimpl")
+        records = [record for returned in getattr(manager.hook, hook)() for record in returned]
+    if wrong := [record for record in records if not isinstance(record, kind)]:
+        raise PluginError(f"{hook}() should return a list of {kind.__name__}, got {wrong[0]!r}")
+    return records

@@ -8,12 +8,12 @@ never edits its input, reports other bad input with a :class:`physic_core.errors
 result for the same input and options.
 
 Each interface has a version, ``api``. It rises when backends written for the previous version no longer work; then the
-backends of that interface, and of no other, are refused until their records state the new version.
+backends of that interface, and of no other, are refused until their ``written_for`` states the new version.
 
 Constructing a backend is cheap and offline. ``load`` reads weights, ``close`` drops them; both may be called twice.
 
-A plugin whose weights are to be fetched lists them in TOML files, and names their folder by the hook ``physic_weights``
-(:mod:`physic_core.discovery.hookspecs`). :mod:`physic_core.weights` finds them, and knows which are missing.
+A plugin whose weights are to be fetched lists them in TOML files, and names their folder by an entry point in the group
+``physic.weights``. :mod:`physic_core.weights` finds them, and knows which are missing.
 """
 
 from __future__ import annotations

@@ -184,7 +184,9 @@ class Backend(ABC, metaclass=_OptionsAsKeywords):
 
     Attributes:
         interface: the interface's name in configs.
-        api: version of the interface; the record of a backend states the version that it was written for.
+        api: version of the interface.
+        written_for: version of the interface that a backend was written for, such as 1. A core with another version
+            refuses it. Every backend of a plugin states it.
         Request: class of its requests.
         Result: class of its results; ``object`` for an array, which ``check`` validates.
         sees: image of its first call: "photo", or "inpainted" for the photo with its people removed.
@@ -194,10 +196,13 @@ class Backend(ABC, metaclass=_OptionsAsKeywords):
         Options: pydantic model of this backend's settings.
         cacheable: whether the output may be cached. Set it to False if the output depends on anything but the input,
             options, files that options name and ``fingerprint()``, or if computing it is faster than reading it.
+        weights_license: licence of weights that lie inside the plugin's own package, such as "MIT (MI-GAN)". That of
+            other weights stands in their manifest (:mod:`physic_core.weights.manifest`).
     """
 
     interface: ClassVar[str]
     api: ClassVar[int]
+    written_for: ClassVar[int]
     Request: ClassVar[type[Any]]
     Result: ClassVar[type]
     sees: ClassVar[str] = "photo"
@@ -205,6 +210,7 @@ class Backend(ABC, metaclass=_OptionsAsKeywords):
     reads: ClassVar[tuple[str, ...] | None] = None
     Options: ClassVar[type[Options]] = Options
     cacheable: ClassVar[bool] = True
+    weights_license: ClassVar[str] = ""
     infer: Callable[..., Any]  # each interface has arguments of its own
 
     def __init_subclass__(cls, **named: Any) -> None:

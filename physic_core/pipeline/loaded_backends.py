@@ -11,13 +11,11 @@ from physic_core import errors
 from physic_core.adapters.devices import check_device
 from physic_core.configuration.resolve import resolve_one
 from physic_core.discovery.plugin_code import plugin_code, plugin_error
-from physic_core.discovery.plugins import discover
 from physic_core.errors import BackendError, PhysicError
 from physic_core.weights.lock import FileUse, recorded_uses
 
 if TYPE_CHECKING:
     from physic_core.configuration.resolve import ResolvedBackend
-    from physic_core.discovery.registry import Registry
     from physic_core.interfaces import Backend
 
 
@@ -63,9 +61,7 @@ class LoadedBackends:
         return failed
 
 
-def load_backend(
-    interface: str, name: str, /, *, device: str = "cpu", registry: Registry | None = None, **options: object
-) -> Backend:
+def load_backend(interface: str, name: str, /, *, device: str = "cpu", **options: object) -> Backend:
     """Load a single backend, to call it directly: ``load_backend("inpainter", "telea")(image, mask)``.
 
     Its arguments are those of ``infer``. ``close`` releases its memory.
@@ -74,7 +70,6 @@ def load_backend(
         interface: "metric_depth", ...
         name: as in a configuration: "name", "distribution:name", or "package.module:Class".
         device: "cpu", "cuda" or "cuda:N".
-        registry: of the backends; None takes the installed plugins.
         options: of the backend.
 
     Raises:
@@ -83,7 +78,7 @@ def load_backend(
         DeviceError: the device does not exist.
         BackendError: the backend cannot be imported, constructed or loaded.
     """
-    resolved = resolve_one(interface, name, options, discover() if registry is None else registry)
+    resolved = resolve_one(interface, name, options)
     check_device(device)
     with wrap_plugin_errors(f"{resolved.title} cannot be loaded", resolved):
         LoadedBackends(device).load(resolved)

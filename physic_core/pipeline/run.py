@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 from physic_core.cache.digest import CodeDigester  # imported before any backend: it detects later edits of their code
 from physic_core.configuration.model import as_config
 from physic_core.configuration.resolve import ResolvedPipeline, require_available, resolve, resolve_one
-from physic_core.discovery.plugins import discover
 from physic_core.errors import ConfigError, InputError, PhysicError
 from physic_core.io.photo import Photo, photo_path_for_messages, read_photo
 from physic_core.pipeline.loaded_backends import LoadedBackends, wrap_plugin_errors
@@ -31,7 +30,6 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel
     from physic_core.configuration.model import Config
-    from physic_core.discovery.registry import Registry
     from physic_core.engine.joint.problem import OtherView
     from physic_core.interfaces import Backend
     from physic_core.io.photo import PhotoSource
@@ -63,7 +61,6 @@ class Pipeline:
             preset or a file; preset "embedded" if None. Or a ResolvedPipeline, whose backends are used as they are.
         backends: by interface, instances or classes of backends that replace those of the config, such as
             ``{"metric_depth": MyDepth()}``. A class gets its default options. Results of instances are not cached.
-        registry: of the backends; the installed ones if None. Not used with a ResolvedPipeline.
 
     Raises:
         ConfigError: the configuration is invalid.
@@ -77,15 +74,13 @@ class Pipeline:
         config: Configuration = None,
         *,
         backends: Mapping[str, Backend | type[Backend]] | None = None,
-        registry: Registry | None = None,
     ) -> None:
-        self._registry = registry
         if isinstance(config, ResolvedPipeline):
             if backends:
                 raise ConfigError("backends cannot be replaced in a ResolvedPipeline: pass them to resolve()")
             self._plan = config
         else:
-            self._plan = resolve(as_config(config), discover() if registry is None else registry, backends)
+            self._plan = resolve(as_config(config), backends)
         require_available(self._plan)
         self._loaded = LoadedBackends(self._plan.device)
         self._code = CodeDigester()
@@ -218,8 +213,7 @@ class Pipeline:
         backends = dict(self._plan.backends)
         for name in backends:
             if (choice := config.choice(name)) != self._plan.config.choice(name):
-                registry = discover() if self._registry is None else self._registry
-                backends[name] = resolve_one(name, choice.backend, choice.options, registry)
+                backends[name] = resolve_one(name, choice.backend, choice.options)
         return replace(self._plan, photo=config.photo, config=config, backends=backends)
 
     def _stages(self, progress: Progress | None, *, close: bool) -> StageRunner:
@@ -244,7 +238,6 @@ def reconstruct(
     config: Configuration = None,
     *,
     backends: Mapping[str, Backend | type[Backend]] | None = None,
-    registry: Registry | None = None,
     intrinsics: Intrinsics | None = None,
     people: PeoplePrompt | None = None,
     known: KnownSizes | None = None,
@@ -256,7 +249,6 @@ def reconstruct(
         photo: as in :meth:`Pipeline.__call__`.
         config: as in :class:`Pipeline`.
         backends: as in :class:`Pipeline`.
-        registry: as in :class:`Pipeline`.
         intrinsics: as in :meth:`Pipeline.__call__`.
         people: as in :meth:`Pipeline.__call__`.
         known: as in :meth:`Pipeline.__call__`.
@@ -269,7 +261,7 @@ def reconstruct(
         PhysicError: as in :class:`Pipeline` and :meth:`Pipeline.__call__`. If files of backends are missing, nothing
             was computed.
     """
-    with Pipeline(config, backends=backends, registry=registry) as pipeline:
+    with Pipeline(config, backends=backends) as pipeline:
         return pipeline._run(photo, _Given(intrinsics, people, known), progress=progress, close=True)
 
 

@@ -1,13 +1,12 @@
-"""The page of a result, ``report.html``, which physic-viewer or another plugin makes (group ``physic.pages``)."""
+"""The page of a result, ``report.html``, which physic-viewer or another plugin makes (hook ``physic_pages``)."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from physic_core.discovery.installed import Installed, call_target, find_only_entry
-from physic_core.discovery.records import TargetRecord
-from physic_core.discovery.registration import PAGES_GROUP
-from physic_core.errors import PluginError
+from physic_core.discovery.hooks import PluginItem
+from physic_core.discovery.plugins import Found, call_item, explain_absence, find_items
+from physic_core.errors import ConfigError, PackageMissingError, PluginError
 
 if TYPE_CHECKING:
     from physic_core.errors import InputError
@@ -41,11 +40,11 @@ def report_html(reconstruction: Reconstruction | InputError, title: str = "") ->
 
     found = _find()
     with threadpool_limits(limits=1, user_api="blas"):
-        page = call_target(found, "page", reconstruction, title or "Reconstruction")
+        page = call_item(found, "page", reconstruction, title or "Reconstruction")
     head = str(page)[:HEAD_BYTES].encode("utf-8", "replace")[:HEAD_BYTES]
     if not isinstance(page, str) or PAGE_MARK.encode() not in head:
         raise PluginError(
-            f"the page '{found.record.name}' of {found.origin} should be a text with {PAGE_MARK} in its first "
+            f"{found.title('page')} should be a text with {PAGE_MARK} in its first "
             f"{HEAD_BYTES} bytes, got {str(page)[:60]!r} ({type(page).__name__})"
         )
     return page
@@ -61,5 +60,11 @@ def require_report() -> None:
     _find()
 
 
-def _find() -> Installed[TargetRecord]:
-    return find_only_entry(PAGES_GROUP, "report.html is made by", _DISTRIBUTION)
+def _find() -> Found[PluginItem]:
+    found = find_items("physic_pages")
+    if not found:
+        raise PackageMissingError(f"report.html is made by {explain_absence(_DISTRIBUTION)}")
+    if len(found) > 1:
+        names = " and ".join(one.distribution for one in found)
+        raise ConfigError(f"report.html is made by {names}: uninstall one of them")
+    return found[0]

@@ -1,4 +1,4 @@
-"""Plugin code that changes its process, hangs or ends it; worker processes import this module."""
+"""Plugin code that hangs or ends its process; worker processes import this module."""
 
 from __future__ import annotations
 
@@ -6,30 +6,8 @@ import ctypes
 import os
 import time
 from collections.abc import Callable
-from typing import Any
-
-import torch
 
 from physic_mock.backends import MockMetricDepth
-
-CHANGES: dict[str, Callable[[], Any]] = {
-    "current folder": lambda: os.chdir(os.sep),
-    "torch type": lambda: torch.set_default_dtype(torch.float64),
-    "torch device": lambda: torch.set_default_device("meta"),
-    "torch gradients": lambda: torch.set_grad_enabled(False),
-    "torch threads": lambda: torch.set_num_threads(torch.get_num_threads() + 1),
-}
-
-
-def state() -> list[Any]:
-    """Return all that ``CHANGES`` change."""
-    return [
-        os.getcwd(),
-        torch.get_default_dtype(),
-        torch.get_default_device(),
-        torch.is_grad_enabled(),
-        torch.get_num_threads(),
-    ]
 
 
 def hang_in_python() -> None:

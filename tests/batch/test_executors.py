@@ -12,12 +12,8 @@ from physic_core.batch.executors import ExecutorSettings, open_executor
 from physic_core.cli import main
 from physic_core.errors import ConfigError, PluginError
 
-ENTRIES = """
-queue = physic_queue:queue_executor
-lost = physic_queue_nowhere:lost
-number = physic_queue:number
-"""
 EXECUTOR = """
+from physic_core import PluginItem, hookimpl
 from physic_core.batch.process import failed_row
 from physic_core.errors import ConfigError
 
@@ -34,6 +30,14 @@ def queue_executor(settings):
 
 def number(settings):
     return 3
+
+@hookimpl
+def physic_executors():
+    return [
+        PluginItem("queue", "physic_queue:queue_executor"),
+        PluginItem("lost", "physic_queue_nowhere:lost"),
+        PluginItem("number", "physic_queue:number"),
+    ]
 """
 
 
@@ -51,7 +55,7 @@ def photos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def plugin(site: Any) -> Any:
-    site.install("physic-queue", EXECUTOR, entry=ENTRIES, group="physic.executors")
+    site.install("physic-queue", EXECUTOR)
     return site
 
 
@@ -94,6 +98,6 @@ def test_a_broken_executor_names_its_plugin(plugin: Any, name: str, words: str):
 
 
 def test_a_name_that_two_plugins_offer_is_refused(plugin: Any):
-    plugin.install("physic-other", EXECUTOR, entry=ENTRIES, group="physic.executors")
+    plugin.install("physic-other", EXECUTOR)
     with pytest.raises(ConfigError, match="physic-other and physic-queue"):
         open_executor("queue", ExecutorSettings())

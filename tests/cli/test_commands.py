@@ -15,14 +15,9 @@ from click.testing import CliRunner, Result
 
 from physic_core.cli import main
 from physic_core.cli.config import config_toml
-from physic_core.cli.listing import describe_backend, plugins_as_dicts, plugins_table
-from physic_core.cli.plugins import details
 from physic_core.configuration.layers import preset_names
 from physic_core.configuration.model import load_config
 from physic_core.configuration.resolve import load_checked_config, resolve
-from physic_core.discovery.plugins import discover
-from physic_core.discovery.readiness import readiness
-from physic_core.discovery.registry import BackendOffer, BackendRecord, BrokenPlugin, Manifest, Origin, Registry
 from physic_core.errors import InputError
 from physic_core.types import Reconstruction, StageRecord
 
@@ -241,57 +236,23 @@ def test_debug_shows_the_traceback(pipeline, monkeypatch):
     assert done.stderr.endswith("\nError: no photo at photo.jpg\n")
 
 
-A, B = Origin("a", "physic-a", "1.0"), Origin("b", "physic-b", "2.0", seconds=2.13)
+def test_the_listing_names_interface_backend_and_plugin_of_each_backend(site):
+    site.offer("physic-mine", "inpainter", "own", version="1.2")
+    head, *rows = physic("plugins", "--interface", "inpainter").stdout.splitlines()
+    assert head.split() == ["interface", "backend", "plugin", "version"]
+    assert ["inpainter", "own", "physic-mine", "1.2"] in [row.split() for row in rows]
+    assert {row.split()[0] for row in rows} == {"inpainter"}
 
 
-def _big() -> BackendRecord:
-    return BackendRecord(
-        "segmenter", "big", "json:dumps", api=1, summary="People.", needs=("a checkpoint",), packages=("no_package",)
-    )
-
-
-def offers() -> Registry:
-    claims = [
-        BackendOffer(
-            BackendRecord("inpainter", "x", "json:C", api=1, weights_license="MIT (Net), Apache-2.0 (Other)"), A
-        ),
-        BackendOffer(BackendRecord("inpainter", "x", "json:C", api=1), B),
-        BackendOffer(_big(), B),
-        BackendOffer(BackendRecord("segmenter", "file", "json:C", api=1, needs=("a checkpoint",)), A),
-        BackendOffer(BackendRecord("segmenter", "gone", "no_package.net:C", api=1), A),
-        BackendOffer(BackendRecord("segmenter", "moved", "json.gone:C", api=1), A),
-        BackendOffer(BackendRecord("segmenter", "new", "m:C", api=2), A, "needs plugin API 2, this physic-core has 1"),
-    ]
-    return Registry(claims, [BrokenPlugin(Origin("c", "physic-c", "0.3"), "ImportError: no")], installed=False)
-
-
-def test_the_listing_marks_ready_refused_slow_broken_and_ambiguous_backends():
-    head, *rows = plugins_table(offers()).splitlines()
-    assert head.split() == ["interface", "backend", "plugin", "version", "weights", "needs", "status"]
-    for row, words in zip(
-        rows,
-        (
-            ("MIT, Apache-2.0", "ready: ", "'physic-a:x'"),
-            ("ready: ", "'physic-b:x'", "slow: 2.1 s"),
-            ("NOT READY: ", "no_package", "slow: 2.1 s"),
-            ("unsure: ", "a checkpoint", "`physic plugins doctor file`"),
-            ("BROKEN: ", "no_package.net"),
-            ("unsure: ", "json.gone"),
-            ("REFUSED: ", "API 2"),
-            ("physic-c", "BROKEN: ImportError: no"),
-        ),
-        strict=True,
-    ):
-        assert all(word in row for word in words), row
-
-
-def test_a_backend_that_needs_a_gpu_is_ready_with_one_only():
-    registry = Registry(
-        [BackendOffer(BackendRecord("segmenter", "big", "json:C", api=1, needs=("GPU",)), A)], installed=False
-    )
-    (claim,) = registry
-    assert str(readiness(registry, claim, gpu=lambda: True)) == "ready"
-    assert str(readiness(registry, claim, gpu=lambda: False)) == "NOT READY: no GPU is found"
+def test_the_listing_is_there_for_machines_too(site):
+    site.install("physic-bad", "import no_such_module\n", version="0.3")
+    found = json.loads(physic("plugins", "--json", "--interface", "inpainter").stdout)
+    assert {one["interface"] for one in found["backends"]} == {"inpainter"}
+    (telea,) = [one for one in found["backends"] if one["backend"] == "telea"]
+    assert (telea["distribution"], telea["target"]) == ("physic-opencv", "physic_opencv.inpaint:Telea")
+    (broken,) = found["broken"]
+    assert (broken["distribution"], broken["version"]) == ("physic-bad", "0.3")
+    assert found["restriction"] is None
 
 
 MANIFEST = """
@@ -299,84 +260,47 @@ MANIFEST = """
 summary = "A network"
 license = "MIT"
 commercial = true
+homepage = "https://example.org/free"
 files = [{path = "free.onnx", source = "https://example.org/free.onnx"}]
-[research]
-summary = "A network"
-license = "CC-BY-NC-4.0"
-commercial = false
-files = [{path = "research.onnx", source = "https://example.org/research.onnx"}]
 [odd]
 summary = "A network"
 license = "Odd License"
 commercial = false
 files = [{path = "odd.onnx", source = "https://example.org/odd.onnx"}]
 """
+NET = """
+from pydantic import Field
+from physic_core import interfaces
+
+class Net(interfaces.Inpainter):
+    \"\"\"Fills holes.\"\"\"
+
+    written_for = 1
+    weights_license = "MIT (Net)"
+
+    class Options(interfaces.Options):
+        weights: str = Field({!r}, description="a set")
+        detector: str = Field("free", description="another set")
+
+    def infer(self, image, mask): return image
+"""
 
 
-@pytest.mark.parametrize(
-    ("sets", "printed"),
-    [
-        (("research",), "CC-BY-NC-4.0"),
-        (("free", "research"), "MIT; CC-BY-NC-4.0"),
-        (("odd",), "Odd License, no commercial use"),
-        (("nowhere",), "MIT (Net)"),
-        ((), "MIT (Net)"),
-    ],
-)
-def test_the_licence_is_that_of_the_manifest_whatever_the_record_says(sets, printed, tmp_path):
-    (tmp_path / "weights.toml").write_text(MANIFEST)
-    record = BackendRecord("segmenter", "net", "json:C", api=1, weights_license="MIT (Net)", weights=sets)
-    manifests = [Manifest(A, tmp_path / "weights.toml")]
-    registry = Registry([BackendOffer(record, A)], manifests=manifests, installed=False)
-    (found,) = plugins_as_dicts(registry)["backends"]
-    assert found["weights_license"] == printed
-    assert f"weights   {printed}" in describe_backend(registry, next(iter(registry)))
-
-
-def test_weights_that_no_manifest_lists_leave_a_backend_unsure(tmp_path):
-    record = BackendRecord("segmenter", "net", "json:C", api=1, weights=("nowhere",))
-    registry = Registry([BackendOffer(record, A)], installed=False)
-    (found,) = plugins_as_dicts(registry)["backends"]
-    assert found["status"] == "unsure"
-    assert "nowhere" in found["why"]
-
-
-def test_the_listing_is_there_for_machines_too():
-    found = plugins_as_dicts(offers(), "segmenter")
-    statuses = {b["backend"]: b["status"] for b in found["backends"]}
-    assert statuses == {"big": "not ready", "file": "unsure", "gone": "broken", "moved": "unsure", "new": "refused"}
-    big = found["backends"][0]
-    assert (big["distribution"], big["packages"], big["seconds_to_register"]) == ("physic-b", ["no_package"], 2.13)
-    assert found["broken"] == [
-        {"plugin": "c", "distribution": "physic-c", "version": "0.3", "cause": "ImportError: no"}
-    ]
-    printed = json.loads(physic("plugins", "--json", "--interface", "inpainter").stdout)
-    assert {b["interface"] for b in printed["backends"]} == {"inpainter"}
-    assert printed["restriction"] is None
-
-
-def test_details_show_what_a_backend_is():
-    registry = Registry(installed=False)
-    record = BackendRecord(
-        "inpainter", "telea", "physic_opencv.inpaint:Telea", api=1, summary="Fast marching.", homepage="docs"
-    )
-    registry.register(record, A)
-    shown = details(registry, "telea")
-    for words in ("Fast marching.", "physic-a 1.0", "physic_opencv.inpaint:Telea", "ready", "inpaint.py", "radius_px"):
+@pytest.mark.parametrize(("default", "printed"), [("odd", "Odd License, no commercial use; MIT"), ("free", "MIT")])
+def test_details_show_the_licences_of_the_default_weights(site, default: str, printed: str):
+    folder = site.list_weights("physic-lists", MANIFEST).parent
+    entry = f"[physic.inpainter]\nnet = physic_net:Net\n[physic.weights]\nnet = {folder.name}\n"
+    site.install("physic-net", NET.format(default), entry=entry)
+    shown = physic("plugins", "show", "net").stdout
+    for words in ("  Fills holes.\n", f"weights   {printed}\n", "homepage  https://example.org/free\n"):
         assert words in shown
 
 
-def test_details_of_a_class_that_is_broken_keep_the_rest():
-    *rest, options = details(offers(), "physic-b:big").splitlines()
-    assert "  needs     a checkpoint, no_package" in rest
-    assert options.startswith("  options   unknown: segmenter 'big' (physic-b 2.0): json:dumps is not a subclass of ")
-
-
-def test_a_plugin_that_is_broken_never_breaks_a_command(site, monkeypatch):
-    site.install("physic-bad", "import no_such_module\n", version="0.3")
-    done = physic("plugins")
-    assert done.exit_code == 0
-    assert re.search(r"physic-bad +0\.3 .* BROKEN: .*no_such_module", done.stdout.splitlines()[-1])
+def test_details_show_what_a_backend_is():
+    shown = physic("plugins", "show", "telea").stdout
+    for words in ("physic-opencv 0.1.0", "physic_opencv.inpaint:Telea", "ready", "inpaint.py", "radius_px"):
+        assert words in shown
+    assert "Apache-2.0 (MediaPipe Hands)" in physic("plugins", "show", "physic-embedded:embedded").stdout
 
 
 def test_check_prints_ok_or_the_faults():
@@ -411,10 +335,10 @@ def test_show_says_where_each_value_is_from():
 @pytest.mark.parametrize("preset", preset_names())
 def test_show_all_prints_toml_that_comes_to_the_same_settings(preset: str):
     config = load_config(preset=preset, overrides=["engine.joint.optimiser.steps=40"])
-    printed = tomllib.loads(config_toml(config, discover()))
+    printed = tomllib.loads(config_toml(config, with_defaults=True))
     again = load_config(flags={"shown": printed})
     assert again.engine.settings() == config.engine.settings()
-    before, after = (resolve(c, discover()).backends for c in (config, again))
+    before, after = (resolve(c).backends for c in (config, again))
     assert {k: b.provenance for k, b in after.items()} == {k: b.provenance for k, b in before.items()}
 
 
@@ -426,10 +350,8 @@ def test_init_writes_the_preset_as_it_is_and_uncommented(preset: str):
     lines = Path("physic.toml").read_text().splitlines()
     # One # less at the head of every line, as editors do it.
     Path("open.toml").write_text("\n".join(re.sub("^# ?", "", line) for line in lines))
-    registry = discover()
     opened, plain = (
-        resolve(load_checked_config(registry, *args, preset=name), registry)
-        for args, name in ((("open.toml",), None), ((), preset))
+        resolve(load_checked_config(*args, preset=name)) for args, name in ((("open.toml",), None), ((), preset))
     )
     assert opened.engine == plain.engine
     assert (opened.photo, opened.body_model, opened.device) == (plain.photo, plain.body_model, plain.device)

@@ -42,37 +42,38 @@ def test_a_run_ends_with_the_code_of_its_error(name: str, monkeypatch: pytest.Mo
 
 
 def test_ctrl_c_ends_every_command_with_130(monkeypatch: pytest.MonkeyPatch):
-    def interrupted() -> None:
+    def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("physic_core.discovery.plugins.discover", interrupted)
+    monkeypatch.setattr("physic_core.discovery.entry_points._read_entry_points", interrupted)
     for command in (("plugins",), ("config", "check"), ("weights", "list"), ("run", "photo.jpg")):
         done = physic(*command)
         assert (done.exit_code, done.stderr) == (130, "Aborted!\n"), command
 
 
 PLUGIN = """
-from physic_core import BackendRecord, hookimpl
 from physic_core.errors import BackendError
 from physic_core.interfaces import Inpainter
 
 class Lacking(Inpainter):
+    written_for = 1
     def missing(self): return ("weights 'x' are not here",)
     def infer(self, image, mask): return image
 
 class Odd(Inpainter):
+    written_for = 1
     def infer(self, image, mask): return image.astype(float)
     def load(self, device="cpu"): raise ValueError("bad magic number")
 
 class Unbuilt(Odd):
     def __init__(self, options=None): raise ValueError("no")
 
-@hookimpl
-def physic_backends():
-    names = ("lacking", "odd", "unbuilt", "absent")
-    records = [BackendRecord("inpainter", name, f"physic_odd:{name.capitalize()}", api=1) for name in names]
-    return [*records, BackendRecord("inpainter", "newer", "physic_odd:Odd", api=2)]
+class Newer(Odd):
+    written_for = 2
 """
+ENTRIES = "\n".join(
+    f"{name} = physic_odd:{name.capitalize()}" for name in ("lacking", "odd", "unbuilt", "absent", "newer")
+)
 
 
 @pytest.mark.parametrize(
@@ -126,7 +127,7 @@ def test_every_command_ends_with_the_documented_code(
 ):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-odd,physic-mock,physic-testing")
     monkeypatch.setattr("physic_core.configuration.resolve.has_gpu", lambda: False)
-    site.install("physic-odd", PLUGIN)
+    site.install("physic-odd", PLUGIN, entry=ENTRIES, group="physic.inpainter")
     Path("wrong.npz").write_text("no body")
     done = physic(*arguments)
     assert done.exit_code == code, done.output

@@ -14,17 +14,17 @@ from physic_core.cli import main
 from physic_core.discovery.catalog import COMMANDS, how_to_install
 
 PLUGIN = """
-from physic_core import CommandRecord, hookimpl
+from physic_core import PluginItem, hookimpl
 
 @hookimpl
 def physic_commands():
     return [
-        CommandRecord("hello", "physic_hello_commands:hello", "Greet."),
-        CommandRecord("plugins hello", "physic_hello_commands:hello", "Greet the plugins."),
-        CommandRecord("run", "physic_hello_commands:hello", "Not this one."),
-        CommandRecord("absent", "physic_hello_commands:absent"),
-        CommandRecord("lost", "physic_hello_nowhere:lost"),
-        CommandRecord("number", "physic_hello_commands:number"),
+        PluginItem("hello", "physic_hello_commands:hello", "Greet."),
+        PluginItem("plugins hello", "physic_hello_commands:hello", "Greet the plugins."),
+        PluginItem("run", "physic_hello_commands:hello", "Not this one."),
+        PluginItem("absent", "physic_hello_commands:absent"),
+        PluginItem("lost", "physic_hello_nowhere:lost"),
+        PluginItem("number", "physic_hello_commands:number"),
     ]
 """
 COMMAND = """

@@ -12,7 +12,7 @@ from pydantic import BaseModel
 
 from physic_core import engine_preset_names
 from physic_core.configuration.model import PhotoSettings, RunSettings, stage_models
-from physic_core.discovery.plugins import discover
+from physic_core.discovery.backends import list_backends, load_class
 
 INFINITE = {"far_m", "robust_px_share", "robust_m"}
 """Settings whose documentation gives infinity a meaning."""
@@ -22,10 +22,9 @@ def models() -> list[Any]:
     found: dict[str, type[BaseModel]] = {"photo": PhotoSettings, "run": RunSettings}
     for preset in engine_preset_names():
         found |= {f"{preset} {stage}": model for stage, model in stage_models(preset).items()}
-    registry = discover()
-    for offer in registry:
-        if offer.origin.distribution.startswith("physic-"):
-            found[f"{offer.record.interface} {offer.record.name}"] = registry.load_class(offer).Options
+    for offer in list_backends():
+        if offer.distribution.startswith("physic-"):
+            found[f"{offer.interface} {offer.name}"] = load_class(offer).Options
     return [pytest.param(model, id=name) for name, model in found.items()]
 
 

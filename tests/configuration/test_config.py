@@ -10,7 +10,7 @@ import pytest
 from physic_core import engine_preset, engine_preset_names
 from physic_core.configuration.layers import preset_names
 from physic_core.configuration.model import Config, as_config, load_config
-from physic_core.discovery.catalog import distribution_for
+from physic_core.discovery.catalog import BACKENDS
 from physic_core.errors import ConfigError
 from physic_core.interfaces import INTERFACES
 
@@ -47,7 +47,7 @@ def test_every_preset_names_the_distribution_of_each_backend(name: str):
     config = load_config(preset=name)
     for interface in INTERFACES:
         distribution, _, backend = config.choice(interface).backend.rpartition(":")
-        assert backend == "none" or distribution == distribution_for(interface, backend)
+        assert backend == "none" or distribution == BACKENDS[backend]
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ from PIL import Image
 from physic_core.cli import main
 from physic_core.configuration.model import load_config
 from physic_core.configuration.resolve import resolve
-from physic_core.discovery.plugins import discover
 from physic_core.errors import NoPersonError
 from physic_core.interfaces import INTERFACES, Backend
 from physic_core.pipeline.run import reconstruct
@@ -56,7 +55,7 @@ def test_a_run_of_the_command_line_constructs_each_backend_once(constructed: Cou
 
 
 def test_a_resolved_pipeline_serves_many_photos(constructed: Counter[str], photo: str):
-    plan = resolve(load_config(preset="mock", overrides=["run.cache=false"]), discover())
+    plan = resolve(load_config(preset="mock", overrides=["run.cache=false"]))
     for _ in range(2):
         with pytest.raises(NoPersonError):
             reconstruct(photo, plan)

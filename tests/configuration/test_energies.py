@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 from physic_core import engine_preset, engine_preset_names, load_config
 from physic_core.cli import main
-from physic_core.discovery.catalog import ENERGIES
+from physic_core.discovery.catalog import ENGINE_PRESETS
 from physic_core.errors import ConfigError, PluginError
 
 PRESET = """
@@ -21,11 +21,12 @@ SOFT = replace(engine_preset(), scene=replace(engine_preset().scene, far_m=7.0))
 
 
 def install(site: Any, distribution: str, name: str, target: str) -> None:
-    site.install(distribution, "", entry=f"{name} = {target}", group="physic.energies")
+    source = "from physic_core import PluginItem, hookimpl\n@hookimpl\ndef physic_engine_presets():\n"
+    site.install(distribution, f"{source}    return [PluginItem({name!r}, {target!r})]\n")
 
 
 def test_the_catalog_lists_the_energies_of_physic_paper() -> None:
-    assert set(engine_preset_names()) == {"default", *ENERGIES}
+    assert set(engine_preset_names()) == {"default", *ENGINE_PRESETS}
 
 
 def test_an_energy_of_a_plugin_is_a_preset_with_settings_of_its_own(site: Any) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from contextlib import suppress
 from pathlib import Path
 
@@ -13,8 +12,7 @@ from click.testing import CliRunner, Result
 from physic_core import interfaces, load_config, reconstruct
 from physic_core.cli import main
 from physic_core.configuration.resolve import require_available, resolve
-from physic_core.discovery.readiness import missing_requirements
-from physic_core.discovery.registry import BackendRecord, Registry
+from physic_core.discovery.backends import find_backend, missing_requirements
 from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.interfaces import INTERFACES
 from physic_testing import check_backend
@@ -23,15 +21,16 @@ from physic_testing.commands.doctor import try_backend
 PLUGIN = """
 from pathlib import Path
 from pydantic import Field
-from physic_core import BackendRecord, hookimpl, interfaces
+from physic_core import interfaces
 from physic_core.weights import fingerprint, locate, missing
 
-MANIFEST = Path(__file__).parent / "physic_heavy.toml"
+MANIFEST = Path(__file__).parent / "physic_heavy_weights"
 
 class Options(interfaces.Options):
     weights: str = Field(default="net", description="a set, or a path")
 
 class Shared:
+    written_for = 1
     Options = Options
     def missing(self):
         return missing(MANIFEST, self.options.weights)
@@ -47,19 +46,17 @@ class Points(Shared, interfaces.RelativePointmap): pass
 class Hands(Shared, interfaces.HandEstimator):
     def missing(self):
         return ("no checkout of hands in /x: git clone it there",)
-
-@hookimpl
-def physic_backends():
-    return [
-        BackendRecord("metric_depth", "heavy", "physic_heavy:Depth", api=1, needs=("weights",)),
-        BackendRecord("relative_pointmap", "heavy", "physic_heavy:Points", api=1, needs=("weights",)),
-        BackendRecord("hand_estimator", "heavy-hands", "physic_heavy:Hands", api=1),
-    ]
-
-@hookimpl
-def physic_weights():
-    return MANIFEST
 """
+ENTRIES = """
+[physic.metric_depth]
+heavy = physic_heavy:Depth
+[physic.relative_pointmap]
+heavy = physic_heavy:Points
+[physic.hand_estimator]
+heavy-hands = physic_heavy:Hands
+[physic.weights]
+heavy = physic_heavy_weights
+""".lstrip()
 MANIFEST = """
 [net]
 summary = "A network"
@@ -87,8 +84,9 @@ BOTH = "metric_depth 'heavy' (physic-heavy 1.0) and relative_pointmap 'heavy' (p
 @pytest.fixture
 def heavy(site, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A plugin whose weights are not here; the folder that they would be found in."""
-    site.install("physic-heavy", PLUGIN)
-    (site.folder / "physic_heavy.toml").write_text(MANIFEST)
+    site.install("physic-heavy", PLUGIN, entry=ENTRIES)
+    (site.folder / "physic_heavy_weights").mkdir()
+    (site.folder / "physic_heavy_weights" / "net.toml").write_text(MANIFEST)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path / "mine"))
@@ -141,23 +139,14 @@ def test_a_file_of_another_size_is_remarked_once_and_stops_nothing(heavy: Path):
     assert done.stdout.count("model.onnx: it has 3 bytes instead of 140852051") == 1
 
 
-NAMED = PLUGIN.replace('needs=("weights",)', 'needs=("weights",), weights=("net",)')
-
-
-def statuses() -> dict[str, str]:
-    """The status of what the plugin offers, by interface, as the listing tells it."""
-    return {
-        one["interface"]: ": ".join(filter(None, (one["status"], one["why"])))
-        for one in json.loads(physic("plugins", "--json").stdout)["backends"]
-        if one["distribution"] == "physic-heavy"
-    }
-
-
-def test_the_listing_looks_for_the_weights_that_a_record_names(heavy: Path, site):
-    (site.folder / "physic_heavy.py").write_text(NAMED)
-    assert statuses()["metric_depth"] == "not ready: missing: net"
+def test_show_says_whether_the_default_weights_are_here_and_their_licence(heavy: Path):
+    done = physic("plugins", "show", "physic-heavy:heavy")
+    assert done.stdout.count("not ready; weights 'net'") == 2
     bring(heavy)
-    assert statuses()["metric_depth"] == "ready"
+    done = physic("plugins", "show", "physic-heavy:heavy")
+    assert done.stdout.count("status    ready") == 2
+    assert done.stdout.count("weights   MIT\n") == 2
+    assert done.stdout.count(str(heavy / "model.onnx")) == 2
 
 
 def saying(answer: object) -> type[interfaces.Backend]:
@@ -183,18 +172,16 @@ def test_an_invalid_result_of_missing_is_a_backend_error(answer: object, says: s
         missing_requirements(saying(answer)())
 
 
-def test_a_wrong_missing_method_is_named_by_every_command():
-    registry = Registry(installed=False)
-    for name, base in INTERFACES.items():
-        kind = saying(None) if name == "metric_depth" else type("Own", (base,), {"infer": lambda self, *a: None})
-        registry.register(BackendRecord(name, "own", kind, api=1))
+def test_a_wrong_missing_method_is_named_by_every_command(site):
+    kinds = {name: type("Own", (base,), {"infer": lambda self, *a: None}) for name, base in INTERFACES.items()}
+    site.put(kinds | {"metric_depth": saying(None)})
     config = load_config(flags={"config": {name: {"backend": "own"} for name in INTERFACES}})
     says = "missing() must return a tuple of texts, got None"
     with pytest.raises(BackendError, match=r"metric_depth 'own'.*tuple of texts"):
-        require_available(resolve(config, registry))
-    assert says in str(try_backend(registry, registry.get("metric_depth", "own"), "cpu"))
-    report = check_backend("own", "metric_depth", registry=registry, size=(96, 72))
-    assert [(f.check, f.got) for f in report.failures] == [("loads_or_reports_what_is_missing", says)]
+        require_available(resolve(config))
+    assert says in str(try_backend(find_backend("metric_depth", "own"), "cpu"))
+    report = check_backend("own", "metric_depth", size=(96, 72))
+    assert ("loads_or_reports_what_is_missing", says) in [(f.check, f.got) for f in report.failures]
 
 
 def test_a_backend_whose_missing_method_uses_the_network_fails_the_kit():

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -8,12 +9,8 @@ from pydantic import Field
 from physic_core import interfaces
 from physic_core.configuration.model import Config, load_config
 from physic_core.configuration.resolve import check_backends, resolve
-from physic_core.discovery.plugins import discover
-from physic_core.discovery.registry import BackendRecord, Origin, Registry
 from physic_core.errors import BackendError, ConfigError, PhysicError
 from physic_core.interfaces import INTERFACES
-
-OWNER = Origin("mine", "physic-mine", "0.2")
 
 
 class DepthOptions(interfaces.Options):
@@ -24,17 +21,19 @@ class DepthOptions(interfaces.Options):
 def backend(interface: str, options: type[interfaces.Options] = interfaces.Options) -> type[interfaces.Backend]:
     """A class that implements an interface with a method that does nothing."""
     base = INTERFACES[interface]
-    return type("Own", (base,), {"infer": lambda self, *args: None, "Options": options})
+    return type("Own", (base,), {"infer": lambda self, *args: None, "Options": options, "weights_license": "MIT (Own)"})
 
 
-def registry(**others: Any) -> Registry:
-    """One backend "own" for every interface, with other classes for the named ones."""
-    own = Registry(installed=False)
-    for name in INTERFACES:
-        options = DepthOptions if name == "metric_depth" else interfaces.Options
-        kind = others.get(name, backend(name, options))
-        own.register(BackendRecord(name, "own", kind, api=1, weights_license="MIT (Own)"), OWNER)
-    return own
+@pytest.fixture
+def own(site) -> Callable[..., None]:
+    """Install one backend "own" for every interface, with other classes for the named ones."""
+
+    def install(**others: Any) -> None:
+        kinds = {name: backend(name) for name in INTERFACES}
+        kinds["metric_depth"] = backend("metric_depth", DepthOptions)
+        site.put(kinds | others)
+
+    return install
 
 
 def config(**tables: Any) -> Config:
@@ -42,15 +41,16 @@ def config(**tables: Any) -> Config:
     return load_config(flags={"config": choices | tables})
 
 
-def refusal(chosen: Config, own: Registry, kind: type[PhysicError] = ConfigError) -> str:
+def refusal(chosen: Config, kind: type[PhysicError] = ConfigError) -> str:
     with pytest.raises(kind) as caught:
-        check_backends(chosen, own)
+        check_backends(chosen)
     return str(caught.value)
 
 
-def test_every_interface_gets_its_backend_with_options_and_provenance():
+def test_every_interface_gets_its_backend_with_options_and_provenance(own):
+    own()
     table = {"backend": "own", "options": {"resolution_level": 3}}
-    pipeline = resolve(config(metric_depth=table), registry())
+    pipeline = resolve(config(metric_depth=table))
     assert list(pipeline.backends) == list(INTERFACES)
     depth = pipeline.backends["metric_depth"]
     assert isinstance(depth.backend, interfaces.MetricDepth)
@@ -58,17 +58,18 @@ def test_every_interface_gets_its_backend_with_options_and_provenance():
     assert depth.backend.options.resolution_level == 3
     assert depth.title == "metric_depth 'own' (physic-mine 0.2)"
     who = depth.provenance
-    assert (who.plugin, who.distribution, who.version) == ("mine", "physic-mine", "0.2")
+    assert (who.distribution, who.version) == ("physic-mine", "0.2")
     assert who.weights_license == "MIT (Own)"
     assert who.options == {"resolution_level": 3, "mode": "fast"}
 
 
-def test_faults_of_names_and_options_are_reported_together():
+def test_faults_of_names_and_options_are_reported_together(own):
+    own()
     tables = {
         "inpainter": {"backend": "onw"},
         "metric_depth": {"backend": "own", "options": {"resolution_level": 12, "resolution_levle": 3}},
     }
-    lines = refusal(config(**tables), registry()).splitlines()
+    lines = refusal(config(**tables)).splitlines()
     for start, word in (
         ("config: inpainter.backend: ", "Did you mean 'own'?"),
         ("config: metric_depth.options.resolution_level: ", "(got 12)"),
@@ -78,11 +79,11 @@ def test_faults_of_names_and_options_are_reported_together():
         assert word in line
 
 
-def test_two_claims_to_the_chosen_name_are_one_of_the_faults():
-    own = registry()
-    own.register(BackendRecord("inpainter", "own", backend("inpainter"), api=1), Origin("b", "physic-b", "2.0"))
-    assert "write 'physic-b:own' or 'physic-mine:own' to choose" in refusal(config(), own)
-    pipeline = resolve(config(inpainter={"backend": "physic-b:own"}), own)
+def test_two_claims_to_the_chosen_name_are_one_of_the_faults(own, site):
+    own()
+    site.put({"inpainter": backend("inpainter")}, distribution="physic-b", version="2.0")
+    assert "write 'physic-b:own' or 'physic-mine:own' to choose" in refusal(config())
+    pipeline = resolve(config(inpainter={"backend": "physic-b:own"}))
     assert pipeline.backends["inpainter"].provenance.version == "2.0"
 
 
@@ -90,22 +91,22 @@ def test_two_claims_to_the_chosen_name_are_one_of_the_faults():
 def test_a_third_party_with_the_names_of_a_preset_does_not_break_the_preset(site, preset: str):
     for interface in INTERFACES:
         site.offer(f"physic-mine-{interface.replace('_', '-')}", interface, preset)
-    both = discover(environment={})
-    chosen = resolve(load_config(preset=preset), both).backends
+    chosen = resolve(load_config(preset=preset)).backends
     assert {r.provenance.distribution for r in chosen.values()} == {f"physic-{preset}"}
     assert {r.provenance.backend for r in chosen.values()} == {preset}
     # Only who uses the bare name has to choose.
     owners = sorted((f"physic-{preset} 0.1.0", "physic-mine-inpainter 1.0"))
     names = [f"{owner.partition(' ')[0]}:{preset}" for owner in owners]
-    message = refusal(load_config(preset=preset, overrides=[f"inpainter.backend={preset}"]), both)
+    message = refusal(load_config(preset=preset, overrides=[f"inpainter.backend={preset}"]))
     assert f"write '{names[0]}' or '{names[1]}' to choose" in message
-    assert resolve(load_config(preset=preset, overrides=["inpainter.backend=telea"]), both)
+    assert resolve(load_config(preset=preset, overrides=["inpainter.backend=telea"]))
 
 
-def test_a_method_that_takes_other_arguments_is_found_before_it_is_called():
+def test_a_method_that_takes_other_arguments_is_found_before_it_is_called(own):
     kind = type("Own", (backend("inpainter"),), {"infer": lambda self, image: image})
-    message = refusal(config(), registry(inpainter=kind), BackendError)
-    assert "infer(self, image) should take image, mask" in message
+    own(inpainter=kind)
+    message = refusal(config(), BackendError)
+    assert "has infer(self, image), which should take image, mask" in message
 
 
 @pytest.mark.parametrize(
@@ -117,24 +118,27 @@ def test_a_method_that_takes_other_arguments_is_found_before_it_is_called():
         lambda self, image, mask, radius=3: image,
     ],
 )
-def test_a_method_that_can_be_called_passes(infer: Any):
+def test_a_method_that_can_be_called_passes(own, infer: Any):
     kind = type("Own", (backend("inpainter"),), {"infer": infer})
-    assert resolve(config(), registry(inpainter=kind))
+    own(inpainter=kind)
+    assert resolve(config())
 
 
 @pytest.mark.parametrize(
     ("fault", "said"), [(ValueError("no seat free"), "ValueError: no seat free"), (SystemExit(3), "SystemExit: 3")]
 )
-def test_a_constructor_that_fails_is_named(fault: BaseException, said: str):
+def test_a_constructor_that_fails_is_named(own, fault: BaseException, said: str):
     def fail(self: Any, options: Any) -> None:
         raise fault
 
     kind = type("Own", (backend("inpainter"),), {"__init__": fail})
+    own(inpainter=kind)
     with pytest.raises(BackendError, match=rf"inpainter 'own' \(physic-mine 0.2\) .*{said}"):
-        resolve(config(), registry(inpainter=kind))
+        resolve(config())
 
 
-def test_a_class_that_lacks_a_method_is_refused():
+def test_a_class_that_lacks_a_method_is_refused(own):
     kind = type("Own", (interfaces.Inpainter,), {})
-    message = refusal(config(), registry(inpainter=kind), BackendError)
+    own(inpainter=kind)
+    message = refusal(config(), BackendError)
     assert "has no method infer" in message

@@ -63,8 +63,5 @@ def test_the_tutorial_holds_from_the_first_block_to_the_last(environment: Any, w
 
 
 def test_the_example_is_what_the_tutorial_makes():
-    example = ROOT / "contrib" / "physic-example-depth" / "physic_example_depth"
-    backend, hook = (block.text for block in blocks() if block.language == "python" and "/" in block.file)
-    assert backend == (example / "stature.py").read_text()
-    own = (example / "__init__.py").read_text()
-    assert hook == own.replace("physic_example_depth.stature", "physic_stature.metric_depth")
+    (backend,) = (block.text for block in blocks() if block.file == "physic_stature.py")
+    assert backend == (ROOT / "contrib" / "physic-example-depth" / "physic_example_depth.py").read_text()

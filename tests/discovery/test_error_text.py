@@ -19,11 +19,12 @@ pytestmark = pytest.mark.usefixtures("few_steps")
 
 BROKEN = """\
 import numpy as np
-from physic_core import BackendRecord, hookimpl
+from physic_core import PluginItem, hookimpl
 from physic_core.interfaces import Inpainter
 from physic_core.types import Intrinsics
 
 class Fill(Inpainter):
+    written_for = 1
     def infer(self, image, mask):
         return self.options.nothere
 
@@ -35,15 +36,21 @@ def helper(image):
     return np.linalg.inv(np.zeros((2, 3)))
 
 @hookimpl
-def physic_backends():
-    return [BackendRecord("inpainter", "raises", "physic_broken:Fill", api=1)]
+def physic_commands():
+    return [PluginItem("raises", "physic_broken:command")]
 """
-SAID = "AttributeError: 'Options' object has no attribute 'nothere' (physic_broken.py:8)"
+ENTRIES = """\
+[physic.inpainter]
+raises = physic_broken:Fill
+[physic.plugins]
+broken = physic_broken
+"""
+SAID = "AttributeError: 'Options' object has no attribute 'nothere' (physic_broken.py:9)"
 
 
 @pytest.fixture
 def broken(site: Any, monkeypatch: pytest.MonkeyPatch) -> Path:
-    site.install("physic-broken", BROKEN)
+    site.install("physic-broken", BROKEN, entry=ENTRIES)
     monkeypatch.setenv("PYTHONPATH", str(site.folder))
     folder: Path = site.folder
     return folder
@@ -71,8 +78,8 @@ def test_the_place_is_the_innermost_line_of_the_plugins_own_code(broken: Path):
 
     image = np.zeros((4, 4, 3), np.uint8)
     error = caught(physic_broken.Camera().infer, image, None)
-    assert describe_error(error, physic_broken.Camera).endswith(" (physic_broken.py:15)")
-    assert describe_error(error, "physic_broken").endswith(" (physic_broken.py:15)")
+    assert describe_error(error, physic_broken.Camera).endswith(" (physic_broken.py:16)")
+    assert describe_error(error, "physic_broken").endswith(" (physic_broken.py:16)")
     # Without an owner it is the innermost line of all, here one of NumPy's.
     assert describe_error(error, "physic_other").rpartition("(")[2].startswith("numpy/linalg/")
 
@@ -119,7 +126,7 @@ def test_doctor_and_the_list_name_the_line_and_show_the_traceback_on_demand(brok
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-broken,physic-testing")
     for command in ("doctor",), ():
         done = CliRunner().invoke(main, ["plugins", *command])
-        assert "(physic_broken.py:19)\n" in done.output
+        assert "(physic_broken.py:20)" in done.output
         assert ("Traceback (most recent call last)" in done.output) is debug
 
 

@@ -14,7 +14,6 @@ from physic_core.cli import main
 from physic_core.configuration.model import load_config
 from physic_core.configuration.resolve import check_backends, resolve
 from physic_core.discovery.local_modules import load_module, split_folder
-from physic_core.discovery.plugins import discover
 from physic_core.errors import BackendError, ConfigError
 
 DEPTH = """
@@ -48,7 +47,7 @@ def config(folder: Path, backend: str) -> Path:
 
 
 def kind(file: Path | None = None, *overrides: str) -> type:
-    plan = resolve(load_config(file, preset=None if file else "mock", overrides=overrides), discover())
+    plan = resolve(load_config(file, preset=None if file else "mock", overrides=overrides))
     return type(plan.backends["metric_depth"].backend)
 
 
@@ -89,7 +88,7 @@ def test_the_resolved_config_holds_from_anywhere(tmp_path: Path, monkeypatch: py
     result = tmp_path / "out" / "reconstruction.json"
     result.write_text(json.dumps({"config": tables}))
     monkeypatch.chdir(tmp_path)
-    plan = resolve(load_config(result), discover())
+    plan = resolve(load_config(result))
     assert plan.backends["metric_depth"].provenance.backend == "own_depth:MyDepth"
 
 
@@ -145,9 +144,7 @@ def test_the_name_of_an_installed_module_is_refused(tmp_path: Path, name: str, w
     assert str(caught.value).startswith(f"another module is called {name} (")
     assert str(caught.value).endswith(f"{whose}): rename {tmp_path / name}.py")
     with pytest.raises(BackendError, match=f"another module is called {name} "):
-        check_backends(
-            load_config(preset="mock", overrides=[f"metric_depth.backend={tmp_path}/{name}:MyDepth"]), discover()
-        )
+        check_backends(load_config(preset="mock", overrides=[f"metric_depth.backend={tmp_path}/{name}:MyDepth"]))
 
 
 def test_two_files_of_one_name_are_refused(tmp_path: Path):

@@ -14,7 +14,16 @@ from physic_core.errors import PackageMissingError, PluginError
 from physic_core.io.extra_files import add_report
 from physic_core.visual.report import PAGE_MARK, report_html
 
-PAGE = "def page(result, title):\n    {body}\n"
+PAGE = """
+from physic_core import PluginItem, hookimpl
+
+@hookimpl
+def physic_pages():
+    return [PluginItem("plain", "physic_page:page")]
+
+def page(result, title):
+    {body}
+"""
 PLAIN = f"return '{PAGE_MARK}<h1>' + title + '</h1>' + str(result)"
 
 
@@ -32,7 +41,7 @@ def folder(make: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def install(site: Any, body: str) -> None:
-    site.install("physic-page", PAGE.format(body=body), entry="plain = physic_page:page", group="physic.pages")
+    site.install("physic-page", PAGE.format(body=body))
 
 
 def physic(*arguments: object) -> Result:

@@ -19,7 +19,7 @@ from PIL import Image
 from physic_core import Reconstruction, load_config, reconstruct
 from physic_core.cache.digest import CodeDigester
 from physic_core.cli import main
-from physic_core.discovery.plugins import discover
+from physic_core.discovery.backends import find_backend, list_backends, load_class
 from physic_core.interfaces import INTERFACES
 from physic_core.io.photo import read_photo
 from physic_testing.worlds import build_world
@@ -44,8 +44,8 @@ class Counts:
 
 def count(patch: pytest.MonkeyPatch) -> Counts:
     """Counts from now on what happens to every installed backend."""
-    counts, registry = Counts(), discover()
-    for kind in dict.fromkeys(registry.load_class(claim) for claim in registry if not claim.problem):
+    counts = Counts()
+    for kind in dict.fromkeys(map(load_class, list_backends())):
 
         def infer(self, *arguments, _infer=kind.infer):  # type: ignore[attr-defined]
             counts.asked[self.interface] += 1
@@ -205,8 +205,7 @@ def test_options_of_a_backend_are_part_of_the_cache_key(
 def test_a_backend_that_is_not_cacheable_is_called_each_time(
     warm: Path, counts: Counts, photo: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    registry = discover()
-    monkeypatch.setattr(registry.load_class(registry.get("hand_estimator", "mock")), "cacheable", False)
+    monkeypatch.setattr(load_class(find_backend("hand_estimator", "mock")), "cacheable", False)
     result = reconstruct(read_photo(photo).image, "mock")
     assert counts.asked == Counter(["hand_estimator"])
     assert [s.name for s in result.stages if s.provenance and not s.cached] == ["hands"]

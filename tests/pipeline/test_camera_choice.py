@@ -11,7 +11,6 @@ from physic_core import engine_preset
 from physic_core.body import load_body
 from physic_core.configuration.model import load_config
 from physic_core.configuration.resolve import resolve
-from physic_core.discovery.plugins import discover
 from physic_core.engine.settings import with_overrides
 from physic_core.pipeline.estimate import Estimates, run_backends
 from physic_core.pipeline.optimise import Solution, run_engine
@@ -27,7 +26,7 @@ SEES_150, SEES_200 = (Intrinsics.from_focal(f, *SIZE, source="a network") for f 
 @pytest.fixture(scope="module")
 def evidence() -> Estimates:
     world = build_world("stand", 0, SIZE)
-    plan = resolve(load_config(preset="mock"), discover())
+    plan = resolve(load_config(preset="mock"))
     return run_backends(world.image, None, plan, lambda: load_body("embedded"), StageRunner("cpu", 8))
 
 

@@ -12,7 +12,6 @@ from physic_core import Reconstruction, load_config, reconstruct
 from physic_core.body import load_body
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.configuration.resolve import resolve
-from physic_core.discovery.plugins import discover
 from physic_core.engine.joint import solve as joint
 from physic_core.errors import BackendError
 from physic_core.metrics import pa_mpjpe_mm
@@ -57,7 +56,7 @@ def cases() -> list[Case]:
 
 
 def start_of(world: World) -> np.ndarray:
-    backends = resolve(load_config(preset="mock", overrides=MOCK), discover()).backends
+    backends = resolve(load_config(preset="mock", overrides=MOCK)).backends
     people = backends["segmenter"].backend.infer(world.image)
     keypoints = backends["keypoint_detector"].backend.infer(world.image, people)
     estimator = backends["body_estimator"].backend

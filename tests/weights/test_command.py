@@ -13,18 +13,6 @@ from click.testing import CliRunner, Result
 
 from physic_core.cli import main
 
-PLUGIN = """
-from pathlib import Path
-from physic_core import hookimpl
-
-@hookimpl
-def physic_backends():
-    return []
-
-@hookimpl
-def physic_weights():
-    return Path(__file__).parent / "{}"
-"""
 CONTENT = bytes(range(256)) * 4096
 HASH = hashlib.sha256(CONTENT).hexdigest()
 
@@ -71,8 +59,7 @@ path = "own.json"
 def plugin(site: Any, server: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
     """One plugin with three sets, one of which the server has."""
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-nets,physic-setup")
-    site.install("physic-nets", PLUGIN.format("nets.toml"))
-    (site.folder / "nets.toml").write_text(manifest(server.add("/free.onnx", CONTENT)))
+    site.list_weights("physic-nets", manifest(server.add("/free.onnx", CONTENT)))
     return site
 
 
@@ -109,9 +96,7 @@ def test_the_list_as_json(plugin: Any, own_cache: Path):
 
 def test_a_broken_list_is_a_row(plugin: Any, site: Any, monkeypatch):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-nets,physic-odd")
-    site.install("physic-odd", PLUGIN.format("odd.toml"))
-    path = site.folder / "odd.toml"
-    path.write_text("[odd]\nsummary = 'x'\nlicense = 'MIT'\nfiles = []\n")
+    path = site.list_weights("physic-odd", "[odd]\nsummary = 'x'\nlicense = 'MIT'\nfiles = []\n")
     done = physic("list")
     assert done.exit_code == 0
     assert re.search(rf"physic-odd .*BROKEN.*{re.escape(str(path))}.*\[odd\]", done.stdout)
@@ -151,8 +136,7 @@ def test_fetch_to_a_folder_that_another_machine_reads_offline(plugin: Any, tmp_p
 
 def test_a_name_that_two_plugins_have(plugin: Any, site: Any, server: Any, monkeypatch, own_cache: Path):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-nets,physic-more,physic-setup")
-    site.install("physic-more", PLUGIN.format("more.toml"))
-    (site.folder / "more.toml").write_text(manifest(f"{server.address}/gone"))
+    site.list_weights("physic-more", manifest(f"{server.address}/gone"))
     done = physic("verify", "free")
     assert done.exit_code == 2
     assert "several plugins list weights named 'free': write 'physic-more:free' or 'physic-nets:free'" in done.stderr

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from physic_core.discovery.plugins import discover
 from physic_core.errors import BackendError
 from physic_core.weights import read_manifest
 from physic_core.weights.library import read_library
@@ -144,5 +143,5 @@ def test_a_path_out_of_the_folder_is_refused_everywhere(tmp_path: Path, path: st
 
 
 def test_every_installed_manifest_is_valid():
-    library = read_library(discover().manifests)
+    library = read_library()
     assert library.broken == ()

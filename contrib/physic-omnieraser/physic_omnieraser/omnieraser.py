@@ -58,6 +58,7 @@ class OmniEraser(TorchBackend, Inpainter):
     stays as it was.
     """
 
+    written_for = 1
     Options: ClassVar[type[Options]] = OmniEraserOptions
     options: OmniEraserOptions
 

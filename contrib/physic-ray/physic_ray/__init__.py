@@ -4,11 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from physic_core import PluginItem, hookimpl
+
 if TYPE_CHECKING:
     from physic_ray.dataset import reconstruct
     from physic_ray.resources import Resources
 
 __all__ = ["Resources", "reconstruct"]
+
+
+@hookimpl
+def physic_executors() -> list[PluginItem]:
+    """Return the executor of a Ray cluster."""
+    return [PluginItem("ray", "physic_ray.executor:ray_executor")]
 
 
 def __getattr__(name: str) -> Any:

@@ -1,4 +1,4 @@
-"""Preset "default" of the engine. Plugins add others (group ``physic.energies``)."""
+"""Preset "default" of the engine. Plugins add others (hook ``physic_engine_presets``)."""
 
 from __future__ import annotations
 

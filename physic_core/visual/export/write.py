@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.discovery.exporters import find_exporter
-from physic_core.discovery.installed import Installed, call_target
-from physic_core.discovery.records import ExporterRecord
+from physic_core.discovery.hooks import ExporterRecord
+from physic_core.discovery.plugins import Found, call_item
 from physic_core.errors import InputError, OutputError, PluginError
 from physic_core.files.atomic import atomic_write, check_writable, open_regular
 from physic_core.types.exports import Exported, ExportedFiles
@@ -68,7 +68,7 @@ def export_reconstruction(
     return Exported(_write(folder, made, main=f"{stem}{suffix}"), (*notes, *frame.notes, *made.notes))
 
 
-def _target(path: Path, format: str | None) -> tuple[Installed[ExporterRecord], Path, str, str]:
+def _target(path: Path, format: str | None) -> tuple[Found[ExporterRecord], Path, str, str]:
     """Return the exporter, and folder, stem and suffix of the files.
 
     Raises:
@@ -82,18 +82,17 @@ def _target(path: Path, format: str | None) -> tuple[Installed[ExporterRecord], 
     return exporter, *_split(path, kind)
 
 
-def _call(exporter: Installed[ExporterRecord], request: ExportRequest) -> ExportedFiles:
+def _call(exporter: Found[ExporterRecord], request: ExportRequest) -> ExportedFiles:
     """Call the function of an exporter.
 
     Raises:
         PluginError: it cannot be imported, fails, or does not return files.
         PhysicError: raised by the exporter itself.
     """
-    made = call_target(exporter, "exporter", request)
+    made = call_item(exporter, "exporter", request)
     if not isinstance(made, ExportedFiles):
         raise PluginError(
-            f"the exporter '{exporter.record.name}' of {exporter.origin} should return physic_core.ExportedFiles, "
-            f"got {type(made).__name__}"
+            f"{exporter.title('exporter')} should return physic_core.ExportedFiles, got {type(made).__name__}"
         )
     return made
 

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from physic_core import CommandRecord, hookimpl
+from physic_core import PluginItem, hookimpl
 
 __all__: list[str] = []
 
 
 @hookimpl
-def physic_commands() -> list[CommandRecord]:
+def physic_commands() -> list[PluginItem]:
     """Return the commands "bench" and "evaluate"."""
     return [
-        CommandRecord("bench", "physic_bench.bench_command:bench", "Measure the accuracy of the engine."),
-        CommandRecord(
+        PluginItem("bench", "physic_bench.bench_command:bench", "Measure the accuracy of the engine."),
+        PluginItem(
             "evaluate",
             "physic_bench.evaluate_command:evaluate",
             "Measure results on data sets with ground truth, beside other methods.",

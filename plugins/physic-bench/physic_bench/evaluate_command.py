@@ -190,12 +190,10 @@ def _config(given: _Given) -> Config:
     """
     from physic_core.batch.settings import batch_config
     from physic_core.configuration.resolve import load_checked_config, require_available, resolve
-    from physic_core.discovery.plugins import discover
 
-    registry = discover()
-    config = load_checked_config(registry, given.config, preset=given.preset, overrides=given.overrides)
-    config = batch_config(config, registry, cache=False)
-    require_available(resolve(config, registry))
+    config = load_checked_config(given.config, preset=given.preset, overrides=given.overrides)
+    config = batch_config(config, cache=False)
+    require_available(resolve(config))
     return config
 
 

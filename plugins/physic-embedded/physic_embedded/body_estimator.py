@@ -44,6 +44,7 @@ class EmbeddedBodies(BodyEstimator):
     outlines of bodies and masks are drawn together.
     """
 
+    written_for = 1
     reads = ("people", "intrinsics", "keypoints", "floor", "original")
 
     _model: BodyModel | None = None

@@ -56,6 +56,7 @@ class StaticContact(ContactPrior):
     Body parts whose joints are not observed get probability 0, but for hands at a straight edge in the picture.
     """
 
+    written_for = 1
     Options: ClassVar[type[Options]] = StaticContactOptions
     options: StaticContactOptions
 

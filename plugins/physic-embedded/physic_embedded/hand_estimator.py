@@ -45,6 +45,8 @@ class EmbeddedHands(PackagedBackend, HandEstimator):
     not used.
     """
 
+    written_for = 1
+    weights_license = "Apache-2.0 (MediaPipe Hands)"
     Options: ClassVar[type[Options]] = EmbeddedHandsOptions
     options: EmbeddedHandsOptions
     networks = ("palm_detection_full", "hand_landmark_full")

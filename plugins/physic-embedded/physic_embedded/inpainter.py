@@ -41,6 +41,8 @@ class MiGan(PackagedBackend, Inpainter):
     of the photo's long side.
     """
 
+    written_for = 1
+    weights_license = "MIT (MI-GAN)"
     Options: ClassVar[type[Options]] = MiGanOptions
     options: MiGanOptions
 

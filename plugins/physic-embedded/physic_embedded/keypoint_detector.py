@@ -46,6 +46,8 @@ class EmbeddedKeypoints(PackagedBackend, KeypointDetector):
     best on the person's mask is looked for in the neighbourhood of the box.
     """
 
+    written_for = 1
+    weights_license = "Apache-2.0 (MediaPipe BlazePose)"
     Options: ClassVar[type[Options]] = EmbeddedKeypointsOptions
     options: EmbeddedKeypointsOptions
 

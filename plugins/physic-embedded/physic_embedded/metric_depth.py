@@ -21,6 +21,7 @@ class EmbeddedMetricDepth(MetricDepth):
     The pipeline finds this scale, see :mod:`physic_core.engine.sizes.scale_vote`.
     """
 
+    written_for = 1
     reads = ("intrinsics", "scene", "scale")
 
     def infer(self, image: NDArray[np.uint8], hints: Hints) -> DepthMap:

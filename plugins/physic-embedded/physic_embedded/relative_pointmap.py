@@ -77,6 +77,8 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
     ``hints.scene`` takes both from it: the same camera, and the disparity that agrees with it outside the people.
     """
 
+    written_for = 1
+    weights_license = "Apache-2.0 (Depth Anything V2 Small, DINOv2, M-LSD)"
     Options: ClassVar[type[Options]] = EmbeddedPointmapOptions
     options: EmbeddedPointmapOptions
 

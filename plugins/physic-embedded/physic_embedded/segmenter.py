@@ -75,6 +75,8 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
     labels (``People.surfaces``).
     """
 
+    written_for = 1
+    weights_license = "Apache-2.0 (YOLOX, MediaPipe BlazePose, MobileSAM, DeepLabv3), MIT (TinyViT)"
     Options: ClassVar[type[Options]] = EmbeddedSegmenterOptions
     options: EmbeddedSegmenterOptions
     takes_prompt: ClassVar[bool] = True

@@ -20,7 +20,7 @@ from physic_core.discovery.catalog import EXPORTERS
 from physic_core.errors import InputError, OutputError
 from physic_export import physic_exporters
 
-NAMES = ", ".join(EXPORTERS["physic-export"])
+NAMES = ", ".join(EXPORTERS)
 
 
 def physic(*arguments: object) -> Result:
@@ -46,7 +46,7 @@ def test_the_list_names_every_format_with_suffix_and_needs():
 
 
 def test_the_catalog_lists_the_formats():
-    assert {each.name: each.suffixes for each in physic_exporters()} == EXPORTERS["physic-export"]
+    assert [each.name for each in physic_exporters()] == list(EXPORTERS)
 
 
 @pytest.mark.parametrize(("suffix", "name"), [(".npz", "amass"), (".PLY", "ply"), (".usdz", "usd")])

@@ -77,6 +77,7 @@ class CameraHmrOptions(SmplCheckoutOptions):
 class CameraHmr(SmplCheckoutBackend, BodyEstimator):
     """Body estimator: SMPL bodies by CameraHMR with joints and mesh, in the given camera."""
 
+    written_for = 1
     Options: ClassVar[type[Options]] = CameraHmrOptions
     options: CameraHmrOptions
     reads = ("people", "intrinsics", "keypoints")

@@ -45,6 +45,7 @@ class DecoOptions(SmplCheckoutOptions):
 class Deco(SmplCheckoutBackend, ContactPrior):
     """Contact prior by DECO: contact with any object, threshold 0.5."""
 
+    written_for = 1
     Options: ClassVar[type[Options]] = DecoOptions
     options: DecoOptions
     reads = ("people",)

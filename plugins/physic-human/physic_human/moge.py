@@ -38,6 +38,7 @@ class Moge1Options(CheckoutOptions):
 class Moge1(CheckoutBackend, RelativePointmap):
     """Relative point map by MoGe 1, up to a scale, on the pixel rays of the given camera or else the estimated one."""
 
+    written_for = 1
     Options: ClassVar[type[Options]] = Moge1Options
     options: Moge1Options
     reads = ("intrinsics",)

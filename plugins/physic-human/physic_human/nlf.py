@@ -65,6 +65,7 @@ class NlfOptions(Options):
 class Nlf(TorchBackend, BodyEstimator):
     """Body estimator: SMPL-X (55 joints) or SMPL (24 joints) bodies by NLF, in the frame of the given camera."""
 
+    written_for = 1
     Options: ClassVar[type[Options]] = NlfOptions
     options: NlfOptions
     reads = ("people", "intrinsics", "keypoints")

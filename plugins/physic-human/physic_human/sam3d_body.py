@@ -65,6 +65,7 @@ class Sam3dBodyOptions(CheckoutOptions):
 class Sam3dBody(CheckoutBackend, BodyEstimator):
     """Body estimator: MHR bodies by SAM 3D Body, as mesh and joints; all rotations are zero. Needs a GPU."""
 
+    written_for = 1
     Options: ClassVar[type[Options]] = Sam3dBodyOptions
     options: Sam3dBodyOptions
     reads = ("people", "intrinsics", "keypoints")

@@ -58,6 +58,7 @@ class WilorOptions(CheckoutOptions):
 class Wilor(CheckoutBackend, HandEstimator):
     """Hand estimator: MANO rotations by WiLoR of every hand with keypoints. Left hands are mirrored."""
 
+    written_for = 1
     Options: ClassVar[type[Options]] = WilorOptions
     options: WilorOptions
     project: ClassVar[Checkout] = Checkout(

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-import physic_human
-from physic_core import BackendRecord
-from physic_core.discovery.plugins import discover
-from physic_core.weights import read_manifest
+from physic_core import list_backends
+from physic_core.weights.library import read_library
 from physic_testing.conformance import check_backend
 
-RECORDS = physic_human.physic_backends()
+OFFERS = [offer for offer in list_backends() if offer.distribution == "physic-human"]
 
 
 @pytest.fixture(autouse=True)
@@ -22,14 +21,14 @@ def _nothing_here(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("HF_HOME", str(tmp_path))
 
 
-@pytest.mark.parametrize("record", RECORDS, ids=lambda r: r.name)
-def test_a_backend_without_its_files_names_them_and_fails_no_check(record: BackendRecord) -> None:
-    report = check_backend(record.name, record.interface, registry=discover())
+@pytest.mark.parametrize("offer", OFFERS, ids=lambda offer: offer.name)
+def test_a_backend_without_its_files_names_them_and_fails_no_check(offer: Any) -> None:
+    report = check_backend(offer.name, offer.interface)
     assert not [r for r in report.results if r.outcome == "failed"], report.text
 
 
 def test_weights_with_an_account_or_non_commercial_terms_are_marked() -> None:
-    sets = read_manifest(physic_human.physic_weights())
+    sets = {one.weights.name: one.weights for one in read_library().sets if one.offer.distribution == "physic-human"}
     for name in ("camerahmr", "wilor-mini", "deco"):
         assert sets[name].account == (name != "deco"), name  # DECO's own script fetches it without one
         assert sets[name].commercial is False, name

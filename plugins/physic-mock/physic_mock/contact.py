@@ -25,6 +25,7 @@ class MockContactPrior(interfaces.ContactPrior):
     observed.
     """
 
+    written_for = 1
     Options = MockOptions
     options: MockOptions
 

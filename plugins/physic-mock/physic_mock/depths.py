@@ -58,6 +58,7 @@ class MockMetricDepth(interfaces.MetricDepth):
     the depth by the same factor, as in networks that infer depth from sizes in px.
     """
 
+    written_for = 1
     Options = MetricDepthOptions
     options: MetricDepthOptions
 
@@ -112,6 +113,7 @@ class RelativePointmapOptions(MockOptions):
 class MockRelativePointmap(interfaces.RelativePointmap):
     """Point map estimator that returns a world's points with unknown scale and shift, drawn per image."""
 
+    written_for = 1
     Options = RelativePointmapOptions
     options: RelativePointmapOptions
 

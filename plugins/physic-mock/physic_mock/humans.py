@@ -76,6 +76,7 @@ class MockBodyEstimator(interfaces.BodyEstimator):
     away.
     """
 
+    written_for = 1
     Options = BodyOptions
     options: BodyOptions
 
@@ -225,6 +226,7 @@ def _log_stature_gradient(body_model: str) -> FloatArray:
 class MockHandEstimator(interfaces.HandEstimator):
     """Hand estimator that returns a world's finger rotations with noise, for hands with a visible wrist."""
 
+    written_for = 1
     Options = MockOptions
     options: MockOptions
 

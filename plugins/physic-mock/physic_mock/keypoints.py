@@ -46,6 +46,7 @@ class KeypointOptions(MockOptions):
 class MockKeypointDetector(interfaces.KeypointDetector):
     """Keypoint detector that returns a world's keypoints with noise and left-right swaps."""
 
+    written_for = 1
     Options = KeypointOptions
     options: KeypointOptions
 

@@ -42,6 +42,7 @@ class SegmenterOptions(MockOptions):
 class MockSegmenter(interfaces.Segmenter):
     """Segmenter that returns a world's person masks and floor mask with errors."""
 
+    written_for = 1
     Options = SegmenterOptions
     options: SegmenterOptions
 
@@ -113,6 +114,7 @@ class MockInpainter(interfaces.Inpainter):
     The other mocks read the world instead of the image.
     """
 
+    written_for = 1
     Options = MockOptions
     options: MockOptions
 

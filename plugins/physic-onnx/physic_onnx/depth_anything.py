@@ -99,6 +99,7 @@ class DepthAnythingRelativeOptions(OnnxBackendOptions):
 class DepthAnythingMetric(OnnxBackend, MetricDepth):
     """Metric depth by Depth Anything V2, trained indoors (to 20 m) or on streets (to 80 m); estimates no camera."""
 
+    written_for = 1
     Options: ClassVar[type[OnnxBackendOptions]] = DepthAnythingMetricOptions
     options: DepthAnythingMetricOptions
     reads = ()
@@ -144,6 +145,7 @@ class DepthAnythingMetric(OnnxBackend, MetricDepth):
 class DepthAnythingRelative(OnnxBackend, RelativePointmap):
     """Relative point map by Depth Anything V2 or 3, up to scale, or scale and shift."""
 
+    written_for = 1
     Options: ClassVar[type[OnnxBackendOptions]] = DepthAnythingRelativeOptions
     options: DepthAnythingRelativeOptions
     reads = ("intrinsics",)

@@ -44,6 +44,7 @@ class DepthAnything3Options(OnnxBackendOptions):
 class DepthAnything3(OnnxBackend, MetricDepth):
     """Metric depth by Depth Anything 3 for a known focal length; NaN in the sky."""
 
+    written_for = 1
     Options: ClassVar[type[OnnxBackendOptions]] = DepthAnything3Options
     options: DepthAnything3Options
     reads = ("intrinsics",)

@@ -46,6 +46,7 @@ class InstantHmrOptions(OnnxBackendOptions):
 class InstantHmr(OnnxBackend, BodyEstimator):
     """Body estimator: MHR bodies by InstantHMR, as joints without a mesh; all rotations are zero."""
 
+    written_for = 1
     Options: ClassVar[type[OnnxBackendOptions]] = InstantHmrOptions
     options: InstantHmrOptions
     reads = ("people", "intrinsics", "keypoints")

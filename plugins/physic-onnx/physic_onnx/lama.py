@@ -63,6 +63,7 @@ class Lama(OnnxBackend, Inpainter):
     It fills what the mask covers: shadows and mirror images of who is removed stay.
     """
 
+    written_for = 1
     Options: ClassVar[type[Options]] = LamaOptions
     options: LamaOptions
     signatures: ClassVar = {"LaMa": GraphSignature(INPUTS, OUTPUTS)}

@@ -101,6 +101,8 @@ class _Moge(NetworkBackend):
 class Moge2Depth(_Moge, MetricDepth):
     """Metric depth by MoGe-2, in the camera of ``hints``; if that camera is a default, in the estimated camera."""
 
+    written_for = 1
+
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
         """Predict the metric depth (H, W) of an image (H, W, 3), and its camera.
 
@@ -116,6 +118,8 @@ class Moge2Depth(_Moge, MetricDepth):
 
 class Moge2Pointmap(_Moge, RelativePointmap):
     """Relative point map by MoGe-2, without its metric scale."""
+
+    written_for = 1
 
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
         """Predict the relative point map of an image (H, W, 3), and its camera.

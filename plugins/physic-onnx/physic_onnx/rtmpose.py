@@ -48,6 +48,7 @@ class RtmPoseOptions(OnnxBackendOptions):
 class RtmPose(OnnxBackend, KeypointDetector):
     """Keypoint detector by RTMPose, RTMW or DWPose with 133, 26 or 17 joints; its input is RGB."""
 
+    written_for = 1
     Options: ClassVar[type[OnnxBackendOptions]] = RtmPoseOptions
     options: RtmPoseOptions
     signatures: ClassVar = {

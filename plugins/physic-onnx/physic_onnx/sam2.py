@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from physic_core import discover, load_backend
+from physic_core import find_backend, load_backend
 from physic_core.adapters.networks import NetworkBackend
 from physic_core.errors import BackendError, BackendNotFoundError, PhysicError
 from physic_core.interfaces import Options, Segmenter, Share
@@ -62,6 +62,7 @@ class Sam2(NetworkBackend, Segmenter):
     floor lie beside ankles, not beside the lower ends of masks.
     """
 
+    written_for = 1
     Options: ClassVar[type[Options]] = Sam2Options
     options: Sam2Options
     weight_options = ("weights", "detector")
@@ -96,7 +97,7 @@ class Sam2(NetworkBackend, Segmenter):
         """Return the checksums of the weights."""
         detector = self.options.detector
         if detector == EMBEDDED:
-            found = discover().get("segmenter", _SEGMENTER).origin
+            found = find_backend("segmenter", _SEGMENTER).owner
             return f"{fingerprint(self.manifest(), self.options.weights)} {found}"
         return super().fingerprint()
 
@@ -145,7 +146,7 @@ class Sam2(NetworkBackend, Segmenter):
         if self.options.detector != EMBEDDED:
             return missing(self.manifest(), self.options.detector)
         try:
-            discover().get("segmenter", _SEGMENTER)
+            find_backend("segmenter", _SEGMENTER)
         except BackendNotFoundError as error:
             return (str(error).partition("\n")[0],)
         return ()

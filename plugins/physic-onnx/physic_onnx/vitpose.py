@@ -49,6 +49,7 @@ class VitPoseOptions(OnnxBackendOptions):
 class VitPose(OnnxBackend, KeypointDetector):
     """Keypoint detector by ViTPose, as in the PhySIC paper (133 joints). Its input is RGB."""
 
+    written_for = 1
     Options: ClassVar[type[OnnxBackendOptions]] = VitPoseOptions
     options: VitPoseOptions
     _joints: int

@@ -49,6 +49,7 @@ class DepthFile(interfaces.MetricDepth):
     hole are unknown.
     """
 
+    written_for = 1
     Options = DepthFileOptions
     options: DepthFileOptions
     cacheable = False  # reading the file again costs less than the cache
@@ -97,6 +98,7 @@ class PointmapFile(interfaces.RelativePointmap):
     The file shows the photo with its people: for the inpainted photo, points in the inpainted hole are invalid.
     """
 
+    written_for = 1
     Options = PointmapFileOptions
     options: PointmapFileOptions
     cacheable = False  # reading the file again costs less than the cache

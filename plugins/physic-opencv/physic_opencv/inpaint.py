@@ -56,12 +56,14 @@ class Telea(_Diffusion):
     The weights continue lines of equal brightness into the hole.
     """
 
+    written_for = 1
     _method = "INPAINT_TELEA"
 
 
 class NavierStokes(_Diffusion):
     """Navier-Stokes (M. Bertalmio et al., 2001): continues lines of equal brightness into the hole as in a fluid."""
 
+    written_for = 1
     _method = "INPAINT_NS"
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from physic_core import CommandRecord, hookimpl
+from physic_core import PluginItem, hookimpl
 
 if TYPE_CHECKING:
     from physic_scene.calibration import KnownCamera, read_calibration
@@ -34,9 +34,9 @@ _NAMES = {
 
 
 @hookimpl
-def physic_commands() -> list[CommandRecord]:
+def physic_commands() -> list[PluginItem]:
     """Return the record of ``physic scene``."""
-    return [CommandRecord("scene", "physic_scene.command:scene", "Reconstruct one moment from two to eight photos.")]
+    return [PluginItem("scene", "physic_scene.command:scene", "Reconstruct one moment from two to eight photos.")]
 
 
 def __getattr__(name: str) -> Any:

@@ -14,7 +14,6 @@ from physic_core.adapters.observed import observed_joints
 from physic_core.body.ages import ADULT_YEARS
 from physic_core.body.joints import NUM_JOINTS
 from physic_core.configuration.resolve import resolve
-from physic_core.discovery.plugins import discover
 from physic_core.engine.joint.problem import OtherView
 from physic_core.pipeline.border import cut_camera, find_inside
 from physic_core.pipeline.estimate import SIZES_OF_ADULTS
@@ -162,7 +161,7 @@ def solve_reference(given: ReferenceInput, config: Config) -> Reconstruction:
         camera = cut_camera(given.camera, given.result.image.shape[:2], inside)
         depth = replace(depth, depth=depth.depth[inside], intrinsics=camera)
     backends = {"body_estimator": SolvedBodies.of(own_bodies), "metric_depth": SolvedDepth.of(depth)}
-    plan = resolve(plain, discover(), backends)
+    plan = resolve(plain, backends)
     own = replace(plan, given_engine=with_other_views(plan.engine, given.alone))
     prompt = None
     if config.photo.person or config.photo.box or config.photo.masks:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from physic_core import CommandRecord, hookimpl
+from physic_core import PluginItem, hookimpl
 
 __all__ = ["physic_commands"]
 
 
 @hookimpl
-def physic_commands() -> list[CommandRecord]:
+def physic_commands() -> list[PluginItem]:
     """Return the command "serve"."""
-    return [CommandRecord("serve", "physic_serve.command:serve", "Reconstruct photos on a page in the browser.")]
+    return [PluginItem("serve", "physic_serve.command:serve", "Reconstruct photos on a page in the browser.")]

@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-from physic_core import CommandRecord, hookimpl
+from physic_core import PluginItem, hookimpl
 
 __all__: list[str] = []
 
 
 @hookimpl
-def physic_commands() -> list[CommandRecord]:
+def physic_commands() -> list[PluginItem]:
     """Return the commands "setup" and "weights fetch", and those that help to write a configuration."""
     return [
-        CommandRecord("config init", "physic_setup.commands.config:init", "Write a configuration with every setting."),
-        CommandRecord(
+        PluginItem("config init", "physic_setup.commands.config:init", "Write a configuration with every setting."),
+        PluginItem(
             "config schema",
             "physic_setup.commands.config:schema",
             "Print the JSON Schema of a configuration.",
         ),
-        CommandRecord(
+        PluginItem(
             "setup",
             "physic_setup.commands.setup:setup",
             "Print or run the steps that install a preset's estimators.",
         ),
-        CommandRecord(
+        PluginItem(
             "weights fetch",
             "physic_setup.commands.fetch:fetch",
             "Download the missing files of weight sets.",

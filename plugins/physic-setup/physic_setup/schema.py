@@ -19,10 +19,12 @@ from physic_core.configuration.model import (
     RunSettings,
     stage_models,
 )
+from physic_core.discovery.backends import list_backends, load_class, summary_of
 from physic_core.interfaces import INTERFACES
 
 if TYPE_CHECKING:
-    from physic_core.discovery.registry import BackendOffer, Registry
+    from physic_core.discovery.entry_points import Offer
+    from physic_core.interfaces import Backend
 
 _QUALIFIED_NAME = {
     "type": "string",
@@ -31,13 +33,14 @@ _QUALIFIED_NAME = {
 }
 
 
-def config_schema(registry: Registry) -> dict[str, Any]:
+def config_schema() -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a configuration file. All keys are optional.
 
     A file lists only the differences from a preset. A backend whose options cannot be read is included without them.
     """
-    offers = {(c.record.interface, name): c for c in registry if not c.problem for name in _names(registry, c)}
-    kinds = {key: _options(registry, offer) for key, offer in offers.items()}
+    installed = list_backends()
+    classes = {(offer.interface, name): _class(offer) for offer in installed for name in _names(offer, installed)}
+    kinds = {key: kind.Options if kind else None for key, kind in classes.items()}
     tables: dict[str, type[BaseModel]] = {
         "photo": PhotoSettings,
         "body_model": BodyModelChoice,
@@ -61,7 +64,9 @@ def config_schema(registry: Registry) -> dict[str, Any]:
             for (own, name), kind in kinds.items()
             if own == interface
         }
-        summaries = {name: offer.record.summary for (own, name), offer in offers.items() if own == interface}
+        summaries = {
+            name: summary_of(kind) if kind else "" for (own, name), kind in classes.items() if own == interface
+        }
         interfaces[interface] = _interface(interface, options, summaries)
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -89,10 +94,11 @@ def _preset_condition(preset: str, places: Mapping[Any, Any]) -> dict[str, Any]:
     return {"if": chosen, "then": {"properties": tables}}
 
 
-def _names(registry: Registry, offer: BackendOffer) -> tuple[str, ...]:
+def _names(offer: Offer, installed: tuple[Offer, ...]) -> tuple[str, ...]:
     """Return the valid names of a backend; the name without distribution only if it is unique."""
-    name, qualified = offer.record.name, f"{offer.origin.distribution}:{offer.record.name}"
-    return (qualified,) if registry.with_same_name(offer) else (name, qualified)
+    qualified = f"{offer.distribution}:{offer.name}"
+    twins = [one for one in installed if (one.interface, one.name) == (offer.interface, offer.name)]
+    return (offer.name, qualified) if len(twins) == 1 else (qualified,)
 
 
 def _interface(interface: str, options: dict[str, Any], summaries: dict[str, str]) -> dict[str, Any]:
@@ -120,11 +126,11 @@ def _interface(interface: str, options: dict[str, Any], summaries: dict[str, str
     }
 
 
-def _options(registry: Registry, offer: BackendOffer) -> type[BaseModel] | None:
-    """Return the model of a backend's options, or None if it cannot be imported or described."""
+def _class(offer: Offer) -> type[Backend] | None:
+    """Return the class of a backend, or None if it cannot be imported, or its options cannot be described."""
     try:
-        kind = registry.load_class(offer).Options
-        kind.model_json_schema()
+        kind = load_class(offer)
+        kind.Options.model_json_schema()
     except Exception:  # a plugin may raise anything, or have Options that pydantic cannot describe
         return None
     return kind

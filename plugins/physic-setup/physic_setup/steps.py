@@ -17,7 +17,8 @@ from physic_core.cache.folders import cache_folder
 from physic_core.configuration.layers import file_layers, merge_layers, preset_layers
 from physic_core.configuration.model import load_config
 from physic_core.configuration.resolve import named_weights, resolve
-from physic_core.discovery.catalog import ENERGIES, distribution_for, sources_in_checkout
+from physic_core.discovery.backends import find_backend
+from physic_core.discovery.catalog import BACKENDS, ENGINE_PRESETS, sources_in_checkout
 from physic_core.errors import BackendNotFoundError, ConfigError
 from physic_core.interfaces import INTERFACES, GpuMemory, Packages, Repository, UserFile
 from physic_core.weights.find import locate_files
@@ -27,7 +28,6 @@ from physic_setup.pins import pin, pin_files
 if TYPE_CHECKING:
     from physic_core.configuration.model import Config
     from physic_core.configuration.resolve import ResolvedPipeline
-    from physic_core.discovery.registry import Registry
     from physic_core.weights.manifest import WeightSet
 
 _Kind = TypeVar("_Kind")
@@ -91,17 +91,16 @@ def read_config(file: Path, preset: str) -> tuple[Config, tuple[str, ...]]:
     except ConfigError:
         tables, _ = merge_layers(file_layers(file, preset) if file.is_file() else preset_layers(preset))
         engine = tables.get("engine", {}).get("preset")
-        if engine in engine_preset_names() or engine not in ENERGIES:
+        if engine in engine_preset_names() or engine not in ENGINE_PRESETS:
             raise
-        return read(flags={"physic setup": {"engine": {"preset": "default"}}}), (ENERGIES[engine],)
+        return read(flags={"physic setup": {"engine": {"preset": "default"}}}), (ENGINE_PRESETS[engine],)
 
 
-def setup_steps(config: Config, registry: Registry, preset: str, folder: Path, missing: tuple[str, ...] = ()) -> Setup:
+def setup_steps(config: Config, preset: str, folder: Path, missing: tuple[str, ...] = ()) -> Setup:
     """Return the steps for a configuration.
 
     Args:
         config: of the preset, or of the file that an earlier setup wrote.
-        registry: the installed plugins.
         missing: distributions that the configuration needs for another thing than a backend.
         preset: that the written configuration extends.
         folder: for checkouts, files of the user and the configuration.
@@ -110,13 +109,13 @@ def setup_steps(config: Config, registry: Registry, preset: str, folder: Path, m
         ConfigError: names or options are invalid.
         BackendError: a backend is broken, or the manifest of a plugin is invalid.
     """
-    if uninstalled := (*missing, *_uninstalled(config, registry)):
+    if uninstalled := (*missing, *_uninstalled(config)):
         commands = tuple(f"python -m pip install{_constraints()} {_source(name)}" for name in uninstalled)
         return Setup(
             (SetupStep("Plugins of the preset; then run the same command again for the other steps", False, commands),)
         )
-    plan = resolve(config, registry)
-    sets = named_weights(plan, registry)
+    plan = resolve(config)
+    sets = named_weights(plan)
     repositories = _unique(plan, Repository)
     files = _unique(plan, UserFile)
     absent = {file for _, file in files if not file.is_here}
@@ -148,17 +147,17 @@ def setup_steps(config: Config, registry: Registry, preset: str, folder: Path, m
     )
 
 
-def pin_setup(config: Config, registry: Registry) -> None:
+def pin_setup(config: Config) -> None:
     """Add the weight files and checkouts that are here to the lock file if nothing else pins them.
 
     Raises:
         ConfigError: names or options are invalid.
         OutputError: the lock file cannot be written.
     """
-    if _uninstalled(config, registry):
+    if _uninstalled(config):
         return
-    plan = resolve(config, registry)
-    for weights in named_weights(plan, registry):
+    plan = resolve(config)
+    for weights in named_weights(plan):
         pin_files(weights, locate_files(weights))
     pin({one.url: {"commit": one.found} for _, one in _unique(plan, Repository) if one.found and not one.commit})
 
@@ -173,7 +172,7 @@ def _unique(plan: ResolvedPipeline, kind: type[_Kind]) -> list[tuple[str, _Kind]
     ]
 
 
-def _uninstalled(config: Config, registry: Registry) -> tuple[str, ...]:
+def _uninstalled(config: Config) -> tuple[str, ...]:
     """Return the known distributions that the configuration names and that are not installed."""
     found = []
     for interface in INTERFACES:
@@ -181,10 +180,10 @@ def _uninstalled(config: Config, registry: Registry) -> tuple[str, ...]:
         if name == "none":
             continue
         try:
-            registry.get(interface, name)
+            find_backend(interface, name)
         except BackendNotFoundError:
             owner, _, bare = name.rpartition(":")
-            if distribution := owner or distribution_for(interface, bare):
+            if distribution := owner or BACKENDS.get(bare):
                 found.append(distribution)
     return tuple(dict.fromkeys(found))
 

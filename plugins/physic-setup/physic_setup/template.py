@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from physic_core.cli.listing import describe_schema
 from physic_core.cli.toml import toml_value
 from physic_core.configuration.model import load_config, settings_model, stage_models
+from physic_core.discovery.backends import find_backend, load_class
 from physic_core.errors import BackendError
 from physic_core.interfaces import INTERFACES
 
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from pydantic import BaseModel
 
     from physic_core.configuration.model import Config
-    from physic_core.discovery.registry import Registry
 
 _WIDTH = 118
 _HEAD = """\
@@ -30,19 +30,18 @@ _HEAD = """\
 """
 
 
-def config_template(preset: str, registry: Registry) -> str:
+def config_template(preset: str) -> str:
     """Return the text of a configuration that extends a preset, with all settings commented out.
 
     The values are those of the preset.
 
     Args:
         preset: name of the preset.
-        registry: backends for the list of options.
     """
     found = load_config(preset=preset)
     lines = [f'extends = "{preset}"', "", _HEAD.rstrip()]
     for interface in INTERFACES:
-        lines += _interface(found, interface, registry)
+        lines += _interface(found, interface)
     for name in ("photo", "body_model", "run", "engine"):
         model = getattr(found, name)
         own = {key: getattr(model, key) for key in type(model).model_fields if key not in stage_models()}
@@ -53,7 +52,7 @@ def config_template(preset: str, registry: Registry) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _interface(found: Config, interface: str, registry: Registry) -> list[str]:
+def _interface(found: Config, interface: str) -> list[str]:
     chosen = found.choice(interface)
     lines = _table(interface, {"backend": chosen.backend}, {"backend": "the backend; `physic plugins` lists all"})
     if chosen.backend == "none":
@@ -61,7 +60,7 @@ def _interface(found: Config, interface: str, registry: Registry) -> list[str]:
     options: Mapping[str, Any] = chosen.options
     meanings: Mapping[str, str] = {}
     try:
-        kind = registry.load_class(registry.get(interface, chosen.backend)).Options
+        kind = load_class(find_backend(interface, chosen.backend)).Options
         options = kind.model_validate(dict(options)).model_dump(mode="json")
         meanings = _meanings(kind)
     except BackendError as error:

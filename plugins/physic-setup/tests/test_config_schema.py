@@ -10,14 +10,12 @@ import pytest
 
 from physic_core.configuration.layers import preset_names
 from physic_core.configuration.model import load_config
-from physic_core.discovery.plugins import discover
-from physic_core.discovery.registry import BackendRecord, Registry
 from physic_setup.schema import config_schema
 
 
 @pytest.fixture(scope="module")
 def schema() -> dict[str, Any]:
-    return config_schema(discover())
+    return config_schema()
 
 
 def faults(schema: dict[str, Any], text: str) -> list[str]:
@@ -70,8 +68,7 @@ def test_a_mistake_is_found_where_it_is(schema, text: str, path: str):
 
 
 def test_a_backend_that_cannot_be_read_is_listed_without_options(site):
-    own = Registry(installed=False)
-    own.register(BackendRecord("inpainter", "broken", "no_such_module:C", api=1))
-    schema = config_schema(own)
+    site.install("physic-broken", "", entry="broken = no_such_module:C", group="physic.inpainter")
+    schema = config_schema()
     assert faults(schema, '[inpainter]\nbackend = "broken"\noptions = {a = 1}') == []
     assert faults(schema, '[inpainter]\nbackend = "other"') == ["inpainter.backend"]

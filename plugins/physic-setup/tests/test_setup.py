@@ -18,7 +18,7 @@ from physic_core.cli import main
 PLUGIN = """
 from pathlib import Path
 from pydantic import Field
-from physic_core import BackendRecord, hookimpl, interfaces
+from physic_core import interfaces
 from physic_core.interfaces import GpuMemory, Packages, Repository, UserFile
 
 class Options(interfaces.Options):
@@ -27,6 +27,7 @@ class Options(interfaces.Options):
     body: str = Field(default="", description="a file")
 
 class Depth(interfaces.MetricDepth):
+    written_for = 1
     Options = Options
     def infer(self, image, hints): raise NotImplementedError
     def requirements(self):
@@ -39,14 +40,6 @@ class Depth(interfaces.MetricDepth):
                      bool(self.options.body) and body.is_file()),
             GpuMemory(8, "its authors"),
         )
-
-@hookimpl
-def physic_backends():
-    return [BackendRecord("metric_depth", "thing", "physic_thing:Depth", api=1)]
-
-@hookimpl
-def physic_weights():
-    return Path(__file__).parent / "physic_thing.toml"
 """
 
 MANIFEST = """
@@ -90,10 +83,11 @@ def thing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, str]:
     (site / "physic_thing-1.dist-info" / "METADATA").write_text(
         "Metadata-Version: 2.1\nName: physic-thing\nVersion: 1\n"
     )
-    entry = "[physic.plugins]\nphysic_thing = physic_thing\n"
+    entry = "[physic.metric_depth]\nthing = physic_thing:Depth\n[physic.weights]\nthing = physic_thing_weights\n"
     (site / "physic_thing-1.dist-info" / "entry_points.txt").write_text(entry)
     (site / "physic_thing.py").write_text(PLUGIN.replace("URL", str(origin)).replace("COMMIT", commit))
-    (site / "physic_thing.toml").write_text(MANIFEST)
+    (site / "physic_thing_weights").mkdir()
+    (site / "physic_thing_weights" / "sets.toml").write_text(MANIFEST)
     monkeypatch.syspath_prepend(str(site))
     monkeypatch.setenv("PYTHONPATH", str(site), prepend=os.pathsep)
     monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path / "weights"))
@@ -218,11 +212,9 @@ def test_torchvision_is_of_the_build_of_the_installed_torch(
 
 def test_the_open_preset_is_one_download_without_an_account_or_a_condition() -> None:
     from physic_core.configuration.resolve import named_weights, resolve
-    from physic_core.discovery.plugins import discover
 
-    registry = discover()
-    plan = resolve(load_config(preset="open"), registry)
-    sets = named_weights(plan, registry)
+    plan = resolve(load_config(preset="open"))
+    sets = named_weights(plan)
     assert {weights.name for weights in sets} == {
         "sam2.1-hiera-large", "big-lama", "moge-2-vitl-normal", "rtmw-l-384x288",
     }  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from physic_core import CommandRecord, hookimpl
+from physic_core import PluginItem, hookimpl
 
 if TYPE_CHECKING:
     from physic_testing.conformance import Report, check_backend, parametrize_with_checks, violations
@@ -35,25 +35,25 @@ _ON_FIRST_USE = {
 
 
 @hookimpl
-def physic_commands() -> list[CommandRecord]:
+def physic_commands() -> list[PluginItem]:
     """Return the commands below "plugins" for authors of plugins."""
     return [
-        CommandRecord(
+        PluginItem(
             "plugins check",
             "physic_testing.commands.conformance:check",
             "Run the conformance kit on a backend, on photos of synthetic worlds.",
         ),
-        CommandRecord(
+        PluginItem(
             "plugins compare",
             "physic_testing.commands.conformance:compare",
             "Compare the accuracy of backends on synthetic worlds.",
         ),
-        CommandRecord(
+        PluginItem(
             "plugins doctor",
             "physic_testing.commands.doctor:doctor",
             "Load each installed backend and report what is missing or broken.",
         ),
-        CommandRecord(
+        PluginItem(
             "plugins new",
             "physic_testing.commands.scaffold:new",
             "Create a plugin with one backend that passes the conformance kit.",

@@ -54,6 +54,7 @@ class DepthProOptions(ModelOptions):
 class DepthPro(PretrainedBackend, MetricDepth):
     """Metric depth and camera by DepthPro. On a CPU it takes minutes and about 18 GB of memory."""
 
+    written_for = 1
     Options: ClassVar[type[Options]] = DepthProOptions
     options: DepthProOptions
     reads = ("intrinsics",)

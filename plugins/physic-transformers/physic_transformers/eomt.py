@@ -34,6 +34,7 @@ class EomtOptions(ModelOptions):
 class Eomt(PretrainedBackend, Segmenter):
     """Segmenter: EoMT panoptic, in which each query predicts a class and a mask."""
 
+    written_for = 1
     Options: ClassVar[type[Options]] = EomtOptions
     options: EomtOptions
     specs: ClassVar[tuple[ModelSpec, ...]] = (ModelSpec("weights", "EomtForUniversalSegmentation", ("eomt",)),)

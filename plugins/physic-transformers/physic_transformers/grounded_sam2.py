@@ -72,6 +72,7 @@ class GroundedSam2(PretrainedBackend, Segmenter):
     Points and boxes of the user's are prompts of SAM 2.1; the people of GroundingDINO are then skipped.
     """
 
+    written_for = 1
     Options: ClassVar[type[Options]] = GroundedSam2Options
     options: GroundedSam2Options
     takes_prompt: ClassVar[bool] = True

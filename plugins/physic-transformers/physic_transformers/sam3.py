@@ -48,6 +48,7 @@ class Sam3(PretrainedBackend, Segmenter):
     The photo is encoded once.
     """
 
+    written_for = 1
     Options: ClassVar[type[Options]] = Sam3Options
     options: Sam3Options
     # The published repository holds the model for videos, of which this is a spec.

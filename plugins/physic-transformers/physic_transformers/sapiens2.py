@@ -63,6 +63,7 @@ class Sapiens2Options(ModelOptions):
 class Sapiens2(PretrainedBackend, KeypointDetector):
     """Keypoint detector by Sapiens2, in the boxes of the segmenter; points of the face have a confidence of 0."""
 
+    written_for = 1
     Options: ClassVar[type[Options]] = Sapiens2Options
     options: Sapiens2Options
     specs: ClassVar[tuple[ModelSpec, ...]] = (ModelSpec("weights", "Sapiens2ForPoseEstimation", ("sapiens2",)),)

@@ -33,6 +33,7 @@ class ZoeDepthOptions(ModelOptions):
 class ZoeDepth(PretrainedBackend, MetricDepth):
     """Metric depth by ZoeDepth. The photo is padded by reflection, and the padding is removed from the depth."""
 
+    written_for = 1
     Options: ClassVar[type[Options]] = ZoeDepthOptions
     options: ZoeDepthOptions
     reads = ()

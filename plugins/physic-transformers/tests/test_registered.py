@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-import physic_transformers
-from physic_core import BackendRecord
-from physic_core.discovery.plugins import discover
-from physic_core.weights import read_manifest
+from physic_core import list_backends
+from physic_core.discovery.backends import load_class
+from physic_core.weights.library import read_library
 from physic_testing import check_backend
 
-RECORDS = physic_transformers.physic_backends()
-SETS = read_manifest(physic_transformers.physic_weights())
+NAME = "physic-transformers"
+OFFERS = [offer for offer in list_backends() if offer.distribution == NAME]
+SETS = {one.weights.name: one.weights for one in read_library().sets if one.offer.distribution == NAME}
 
 
 @pytest.fixture(autouse=True)
@@ -25,13 +26,12 @@ def _nothing_here(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(constants, "HF_HUB_CACHE", str(tmp_path / "hub"))
 
 
-@pytest.mark.parametrize("record", RECORDS, ids=lambda record: record.name)
-def test_a_backend_without_weights_names_them_and_fails_no_check(record: BackendRecord) -> None:
-    registry = discover()
-    lacking = registry.load_class(registry.get(record.interface, record.name))().missing()
+@pytest.mark.parametrize("offer", OFFERS, ids=lambda offer: offer.name)
+def test_a_backend_without_weights_names_them_and_fails_no_check(offer: Any) -> None:
+    lacking = load_class(offer)().missing()
     assert lacking
     assert all("`physic weights fetch " in line for line in lacking)
-    report = check_backend(record.name, record.interface, registry=registry)
+    report = check_backend(offer.name, offer.interface)
     assert not [result for result in report.results if result.outcome == "failed"], report.text
 
 

@@ -85,9 +85,9 @@ def _versions(work: BenchmarkJob) -> dict[str, str]:
     import torch
 
     from physic_core.configuration.resolve import resolve
-    from physic_core.discovery.plugins import core_version, discover
+    from physic_core.discovery.entry_points import core_version
 
-    backends = resolve(work.config, discover()).backends.values()
+    backends = resolve(work.config).backends.values()
     return {
         "worlds": f"source {source_hash(('physic_testing/worlds', 'physic_core/body'))}",
         "physic-core": core_version(),

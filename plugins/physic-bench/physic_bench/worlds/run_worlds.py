@@ -182,8 +182,7 @@ def _pipeline_and_body(config: str) -> tuple[ResolvedPipeline, BodyModel, Any]:
     from physic_core.body import load_body
     from physic_core.configuration.model import Config
     from physic_core.configuration.resolve import resolve
-    from physic_core.discovery.plugins import discover
 
-    plan = resolve(Config.model_validate_json(config), discover())
+    plan = resolve(Config.model_validate_json(config))
     model = load_body(plan.body_model)
     return plan, model, Evaluator.body_graph(model)

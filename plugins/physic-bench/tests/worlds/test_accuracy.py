@@ -20,7 +20,6 @@ from physic_core.body import load_body
 from physic_core.cli import main
 from physic_core.configuration.model import load_config
 from physic_core.configuration.resolve import resolve
-from physic_core.discovery.plugins import discover
 from physic_core.errors import ConfigError, PhysicError
 from physic_core.interfaces import INTERFACES
 from physic_testing.worlds import build_world
@@ -36,7 +35,7 @@ def config():
 
 @pytest.fixture(scope="module")
 def evidence(config):
-    plan = resolve(config, discover())
+    plan = resolve(config)
     return estimate_evidence(CASE, build_world("stand", 0, SIZE), plan, load_body("embedded"), None)
 
 
@@ -63,10 +62,9 @@ def test_evidence_is_read_as_it_was_written(evidence, tmp_path):
 
 
 def test_the_name_of_an_evidence_file_depends_on_all_that_changes_it(config):
-    registry = discover()
     noisy = load_config(preset="mock", overrides=["metric_depth.options.noise_seed=1"])
     keys = [
-        world_evidence.evidence_key(case, resolve(found, registry))
+        world_evidence.evidence_key(case, resolve(found))
         for case, found in (
             (CASE, config),
             (WorldCase("stand", 1, SIZE), config),
@@ -77,7 +75,7 @@ def test_the_name_of_an_evidence_file_depends_on_all_that_changes_it(config):
     ]
     assert len(set(keys)) == len(keys)
     trial = load_config(preset="mock", overrides=["engine.joint.optimiser.steps=3"])
-    assert world_evidence.evidence_key(CASE, resolve(trial, registry)) == keys[0]
+    assert world_evidence.evidence_key(CASE, resolve(trial)) == keys[0]
 
 
 def test_rows_are_the_papers_and_can_be_picked():

@@ -18,10 +18,9 @@ def init(file: Path, preset: str) -> None:
 
     It lists the options of the backends that the preset uses, if they are installed.
     """
-    from physic_core.discovery.plugins import discover
     from physic_setup.template import config_template
 
-    text = config_template(preset, discover())
+    text = config_template(preset)
     try:
         with file.open("x", encoding="utf-8") as out:
             out.write(text)
@@ -39,7 +38,6 @@ def schema() -> None:
     With `physic config schema > physic.schema.json`, the first line `#:schema physic.schema.json` of a TOML file lets
     editors complete and check it (Even Better TOML, Taplo and others).
     """
-    from physic_core.discovery.plugins import discover
     from physic_setup.schema import config_schema
 
-    echo_json(config_schema(discover()))
+    echo_json(config_schema())

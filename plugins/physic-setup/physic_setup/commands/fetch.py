@@ -37,12 +37,11 @@ def fetch(ctx: click.Context, names: tuple[str, ...], accept: bool, to: Path | N
 
     The next call goes on with the files that are missing. Exits with code 4 if one still is.
     """
-    from physic_core.discovery.plugins import discover
     from physic_core.weights.find import common_folder, locate_files
     from physic_core.weights.library import read_library
     from physic_setup.fetch import fetch as fetch_set
 
-    library = read_library(discover().manifests)
+    library = read_library()
     chosen = [library.get(name) for name in dict.fromkeys(names)]
     failed = False
     for one in chosen:

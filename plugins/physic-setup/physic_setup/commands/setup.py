@@ -36,7 +36,6 @@ def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool)
     Steps that are done are marked, and skipped by --run: the same command goes on where it stopped. A licence that
     restricts use is never accepted for you. Exits with code 4 if a step remains.
     """
-    from physic_core.discovery.plugins import discover
     from physic_setup.steps import pin_setup, read_config
 
     place = (folder or Path(f"physic-{preset}")).absolute()
@@ -48,7 +47,7 @@ def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool)
             echo(f"{number}. {step.title}: {'done' if step.is_done else 'to do'}")
             if not step.is_done:
                 _run(step)
-        pin_setup(read_config(place / f"{preset}.toml", preset)[0], discover())
+        pin_setup(read_config(place / f"{preset}.toml", preset)[0])
         found = _find(preset, place)
         left = [step for step in found.steps if not step.is_done]
         echo(f"\n{len(found.steps) - len(left)} of {len(found.steps)} steps are done")
@@ -61,11 +60,10 @@ def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool)
 
 
 def _find(preset: str, folder: Path) -> Setup:
-    from physic_core.discovery.plugins import discover
     from physic_setup.steps import read_config, setup_steps
 
     config, missing = read_config(folder / f"{preset}.toml", preset)
-    return setup_steps(config, discover(), preset, folder, missing)
+    return setup_steps(config, preset, folder, missing)
 
 
 def _script(found: Setup, preset: str, folder: Path) -> Iterator[str]:

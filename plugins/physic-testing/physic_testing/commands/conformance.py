@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from physic_core.cli.arguments import require_interface, with_current_folder
 from physic_core.cli.exit_codes import BACKEND, WEIGHTS
 from physic_core.cli.output import echo, echo_json
-
-if TYPE_CHECKING:
-    from physic_core.discovery.registry import Registry
 
 _DEVICE = click.option("--device", default="cpu", show_default=True, metavar="NAME", help="cpu, cuda or cuda:N.")
 
@@ -32,17 +29,17 @@ def check(
     NAME is a backend, DISTRIBUTION:BACKEND, or PACKAGE.MODULE:CLASS. Ends with code 5 if a check fails, and with
     4 if the backend could not be tried because something is missing on this machine.
     """
-    from physic_core.discovery.plugins import discover
+    from physic_core.discovery.backends import find_backend, find_by_name
     from physic_testing.conformance import check_backend
 
     require_interface(interface)
-    name, registry, given = with_current_folder(name), discover(), _values(options) or None
-    interfaces = [interface] if interface is not None else interfaces_of(registry, name)
+    name, given = with_current_folder(name), _values(options) or None
+    interfaces = [interface] if interface is not None else list(dict.fromkeys(o.interface for o in find_by_name(name)))
     for own in interfaces:
-        registry.get(own, name)  # raises an error before the checks of the other interfaces start, which take minutes
+        find_backend(own, name)  # raises an error before the checks of the other interfaces start, which take minutes
     reports = []
     for own in interfaces:
-        reports.append(check_backend(name, own, options=given, registry=registry, device=device))
+        reports.append(check_backend(name, own, options=given, device=device))
         if not as_json:
             echo(reports[-1].text + "\n")
     if as_json:
@@ -78,15 +75,6 @@ def compare(interface: str, names: tuple[str, ...], worlds: tuple[str, ...], dev
         echo_json(found.as_dict())
     else:
         echo(found.text)
-
-
-def interfaces_of(registry: Registry, name: str) -> list[str]:
-    """Return the interfaces that have a backend of this name.
-
-    Raises:
-        BackendNotFoundError: none has.
-    """
-    return list(dict.fromkeys(claim.record.interface for claim in registry.find_by_name(name)))
 
 
 def _values(options: Sequence[str]) -> dict[str, Any]:

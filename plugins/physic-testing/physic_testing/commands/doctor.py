@@ -11,7 +11,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -22,11 +21,14 @@ import click
 from physic_core.cli.arguments import require_interface, with_current_folder
 from physic_core.cli.exit_codes import BACKEND
 from physic_core.cli.output import echo, echo_json
+from physic_core.discovery.backends import find_backend, find_by_name, list_backends, load_class, missing_requirements
 from physic_core.discovery.error_text import describe_error, is_debugging, traceback_text
 from physic_core.discovery.plugin_code import plugin_code
+from physic_core.discovery.plugins import broken_plugins
+from physic_core.errors import PhysicError
 
 if TYPE_CHECKING:
-    from physic_core.discovery.registry import BackendOffer, Registry
+    from physic_core.discovery.entry_points import Offer
 
 
 @dataclass(frozen=True)
@@ -76,19 +78,20 @@ def doctor(
 
     "missing": the backend reports missing files or packages. "BROKEN": any other error; the exit code is then 5.
     """
-    from physic_core.discovery.plugins import discover
-
     require_interface(interface)
-    registry = discover()
-    offers = registry.find_by_name(with_current_folder(name)) if name is not None else tuple(registry)
-    offers = tuple(offer for offer in offers if interface in (None, offer.record.interface))
+    offers = find_by_name(with_current_folder(name)) if name is not None else list_backends()
     found: list[DoctorResult] = []
-    for finding in diagnose(
-        registry, offers, lambda offer: try_backend_in_subprocess(offer, device, timeout), name is None
-    ):
-        found.append(finding)
+    for offer in offers:
+        if interface in (None, offer.interface):
+            found.append(try_backend_in_subprocess(offer, device, timeout))
+            if not as_json:
+                echo(str(found[-1]))
+    for broken in broken_plugins() if name is None else ():
+        trace = traceback_text(broken.error)
+        owner = f"{broken.distribution} {broken.version}".rstrip()
+        found.append(DoctorResult("-", "-", owner, "broken", broken.cause, traceback=trace))
         if not as_json:
-            echo(str(finding))
+            echo(str(found[-1]))
     if as_json:
         echo_json([asdict(finding) for finding in found])
     else:
@@ -97,45 +100,12 @@ def doctor(
     ctx.exit(BACKEND if any(finding.state == "broken" for finding in found) else 0)
 
 
-def diagnose(
-    registry: Registry,
-    offers: Iterable[BackendOffer],
-    load: Callable[[BackendOffer], DoctorResult],
-    with_plugins: bool = True,
-) -> Iterable[DoctorResult]:
-    """Yield a result for each backend, then for each plugin that is broken or has a wrong entry-point group.
-
-    Args:
-        registry: the installed plugins.
-        offers: the backends to load.
-        load: function that loads one backend.
-        with_plugins: whether to include broken plugins.
-    """
-    from physic_testing.commands.misregistered import find_misregistered
-
-    for offer in offers:
-        if offer.problem:
-            yield _result(offer, "broken", offer.problem)
-        else:
-            yield load(offer)
-    if not with_plugins:
-        return
-    for broken in registry.broken:
-        yield DoctorResult("-", "-", str(broken.origin), "broken", broken.cause, traceback=traceback_text(broken.error))
-    for plugin in find_misregistered(restriction=registry.restriction):
-        # A library that is called physic-... may offer no backends on purpose.
-        yield DoctorResult("-", "-", str(plugin.origin), "broken" if plugin.group else "missing", plugin.cause)
-
-
-def try_backend(registry: Registry, offer: BackendOffer, device: str) -> DoctorResult:
+def try_backend(offer: Offer, device: str) -> DoctorResult:
     """Import, construct, load and close a backend with default options, and return the result."""
-    from physic_core.discovery.readiness import missing_requirements
-    from physic_core.errors import PhysicError
-
     start = time.perf_counter()
-    step, owner = "import", offer.origin.plugin
+    step, owner = "import", offer.target.partition(":")[0]
     try:
-        kind = registry.load_concrete_class(offer)
+        kind = load_class(offer)
         owner = kind.__module__
         step = "constructor"
         with plugin_code():
@@ -158,16 +128,15 @@ def try_backend(registry: Registry, offer: BackendOffer, device: str) -> DoctorR
     return replace(_result(offer, "ok"), seconds=round(time.perf_counter() - start, 2))
 
 
-def try_backend_in_subprocess(offer: BackendOffer, device: str, timeout: float) -> DoctorResult:
+def try_backend_in_subprocess(offer: Offer, device: str, timeout: float) -> DoctorResult:
     """Run :func:`try_backend` in a new process with the same import path, and return its result."""
-    record = offer.record
     script = f"import sys; from {__name__} import _main; _main(*sys.argv[1:])"
     # A name with a colon is the name of a class.
-    name = str(record.target) if ":" in record.name else f"{offer.origin.distribution}:{record.name}"
+    name = offer.target if ":" in offer.name else f"{offer.distribution}:{offer.name}"
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     with tempfile.TemporaryDirectory() as folder:
         answer, output = Path(folder, "answer.json"), Path(folder, "output.txt")
-        command = [sys.executable, "-P", "-c", script, record.interface, name, device, str(answer)]
+        command = [sys.executable, "-P", "-c", script, offer.interface, name, device, str(answer)]
         # A file, not a pipe: processes that the backend has started may keep a pipe open after the time limit.
         with output.open("wb") as stream:
             try:
@@ -193,22 +162,16 @@ def try_backend_in_subprocess(offer: BackendOffer, device: str, timeout: float) 
 
 
 def _result(
-    offer: BackendOffer,
+    offer: Offer,
     state: Literal["ok", "missing", "broken"],
     message: str = "",
     error: BaseException | None = None,
 ) -> DoctorResult:
-    record = offer.record
-    owner, trace = str(offer.origin), traceback_text(error)
-    return DoctorResult(record.interface, record.name, owner, state, message, traceback=trace)
+    return DoctorResult(offer.interface, offer.name, offer.owner, state, message, traceback=traceback_text(error))
 
 
 def _main(interface: str, name: str, device: str, answer: str) -> None:
-    from physic_core.discovery.plugins import discover
-
-    registry = discover()
-    offer = registry.get(interface, name)
-    found = try_backend(registry, offer, device)
+    found = try_backend(find_backend(interface, name), device)
     Path(answer).write_text(json.dumps(asdict(found)), encoding="utf-8")
     sys.stdout.flush()
     os._exit(0)  # threads and exit handlers of the backend must not keep the process

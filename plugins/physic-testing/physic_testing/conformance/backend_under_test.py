@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any, cast
 from pydantic import ValidationError
 
 from physic_core.configuration.problems import problems_from_pydantic
+from physic_core.discovery.backends import find_backend as find_offer
+from physic_core.discovery.backends import list_backends, load_class, missing_requirements
 from physic_core.discovery.error_text import describe_error
 from physic_core.discovery.local_modules import split_folder
-from physic_core.discovery.readiness import missing_requirements
 from physic_core.errors import BackendError, ConfigError, PhysicError
 from physic_core.interfaces import INTERFACES, Backend
 from physic_core.interfaces.checks import require_image
@@ -29,7 +30,7 @@ from physic_testing.conformance.watch import Watch
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-    from physic_core.discovery.registry import BackendOffer, Registry
+    from physic_core.discovery.entry_points import Offer
     from physic_testing.conformance.cases import Case
     from physic_testing.worlds import World
 
@@ -92,12 +93,11 @@ class BackendUnderTest:
         name: name in the report.
         options: see :data:`OptionsFor`; by default the result of the class's ``conformance_options(world)``, or the
             default options if the class has no such method.
-        capabilities: entries of CAPABILITIES; by default those of the class and of its record.
+        capabilities: entries of CAPABILITIES; by default those of the class.
         exact_limits: name of an error -> its limit for the capability "exact", in place of the common one.
-        claim: registration of the backend; None for a class that was passed directly.
+        claim: entry point of the backend; None for a class that was passed directly.
         device: device on which the backend is loaded.
         size: width and height of the standard photos, px.
-        registry: registry of the claim, which knows the manifests of its weights.
 
     Raises:
         BackendError: a capability is not in CAPABILITIES.
@@ -113,15 +113,14 @@ class BackendUnderTest:
         options: OptionsFor | None = None,
         capabilities: Collection[str] | None = None,
         exact_limits: Mapping[str, float] | None = None,
-        claim: BackendOffer | None = None,
+        claim: Offer | None = None,
         device: str = "cpu",
         size: tuple[int, int] = SIZE,
-        registry: Registry | None = None,
     ) -> None:
         self.kind, self.interface, self.name = kind, interface, name
-        self.claim, self.device, self.size, self.registry = claim, device, size, registry
+        self.claim, self.device, self.size = claim, device, size
         self.watch = Watch()
-        self.capabilities = _capabilities(kind, claim) if capabilities is None else frozenset(capabilities)
+        self.capabilities = frozenset(getattr(kind, "capabilities", ()) if capabilities is None else capabilities)
         self.exact_limits = dict(exact_limits or {})
         unknown = self.capabilities - CAPABILITIES.keys()
         if unknown:
@@ -292,15 +291,12 @@ class BackendUnderTest:
         return tuple(re.sub(r"^\[(\d+)\]", lambda m: names[int(m[1])], path) for path in changed_fields(before, given))
 
 
-def find_backend(
-    backend: str | type[Backend] | Backend, interface: str | None, registry: Registry | None, **settings: Any
-) -> BackendUnderTest:
+def find_backend(backend: str | type[Backend] | Backend, interface: str | None, **settings: Any) -> BackendUnderTest:
     """Return the BackendUnderTest for a backend's name, class or instance.
 
     Args:
         backend: a name, "distribution:name", "package.module:Class", a class, or an instance, whose options are taken.
         interface: needed for a name that several interfaces have.
-        registry: where names are looked up; None for everything installed.
         settings: of :class:`BackendUnderTest`.
 
     Raises:
@@ -313,24 +309,18 @@ def find_backend(
         own = interface or str(getattr(backend, "interface", ""))
         _require_interface(own)
         return BackendUnderTest(backend, own, f"{backend.__module__}:{backend.__qualname__}", **settings)
-    if registry is None:
-        from physic_core.discovery.plugins import discover
-
-        registry = discover()
     if interface is None:
-        interface = _single_interface(backend, registry)
+        interface = _single_interface(backend)
     _require_interface(interface)
-    claim = registry.get(interface, backend)
-    return BackendUnderTest(
-        registry.load_class(claim), interface, split_folder(backend)[1], claim=claim, registry=registry, **settings
-    )
+    claim = find_offer(interface, backend)
+    return BackendUnderTest(load_class(claim), interface, split_folder(backend)[1], claim=claim, **settings)
 
 
-def _single_interface(name: str, registry: Registry) -> str:
+def _single_interface(name: str) -> str:
     """Return the only interface that has a backend of this name, or raise BackendError."""
     distribution, _, bare = name.rpartition(":")
-    offers = [c for c in registry if c.record.name == bare and distribution in ("", c.origin.distribution)]
-    interfaces = list(dict.fromkeys(c.record.interface for c in offers))
+    offers = [one for one in list_backends() if one.name == bare and distribution in ("", one.distribution)]
+    interfaces = list(dict.fromkeys(one.interface for one in offers))
     if len(interfaces) != 1:
         have = ", ".join(interfaces) or "none"
         raise BackendError(f"give the interface of the backend '{name}'; interfaces with this name: {have}")
@@ -341,10 +331,3 @@ def _require_interface(interface: str) -> None:
     """Raise BackendError if no interface has this name."""
     if interface not in INTERFACES:
         raise BackendError(f"no interface named '{interface}'; valid are: {', '.join(INTERFACES)}")
-
-
-def _capabilities(kind: type[Backend], claim: BackendOffer | None) -> frozenset[str]:
-    """Return the capabilities of a backend class, plus "needs_cuda" if its record requires a GPU."""
-    own = frozenset(getattr(kind, "capabilities", ()))
-    gpu = claim is not None and any(need.lower() in ("gpu", "cuda") for need in claim.record.needs)
-    return own | {"needs_cuda"} if gpu else own

@@ -6,8 +6,8 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from physic_core.discovery.backends import missing_requirements
 from physic_core.discovery.error_text import describe_error
-from physic_core.discovery.readiness import missing_requirements
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.network_and_memory import no_network

@@ -19,7 +19,6 @@ from physic_testing.conformance.requests import infer_arguments
 from physic_testing.worlds import build_world
 
 if TYPE_CHECKING:
-    from physic_core.discovery.registry import Registry
     from physic_core.interfaces import Backend
     from physic_testing.conformance.backend_under_test import BackendUnderTest, OptionsFor
 
@@ -128,7 +127,6 @@ def compare(
     backends: Sequence[str | type[Backend] | tuple[str | type[Backend], OptionsFor]],
     *,
     worlds: Sequence[tuple[str, int]] = DEFAULT_WORLDS,
-    registry: Registry | None = None,
     device: str = "cpu",
     size: tuple[int, int] = SIZE,
 ) -> BackendComparison:
@@ -138,7 +136,6 @@ def compare(
         interface: interface of the backends.
         backends: names or classes, as for :func:`physic_testing.check_backend`, each alone or with its options.
         worlds: name and seed of each world.
-        registry: registry in which names are looked up; by default all installed backends.
         device: device on which the backends are loaded.
         size: width and height of the photos, px.
 
@@ -150,7 +147,7 @@ def compare(
     subjects = []
     for entry in backends:
         backend, options = entry if isinstance(entry, tuple) else (entry, None)
-        subjects.append(find_backend(backend, interface, registry, options=options, device=device, size=size))
+        subjects.append(find_backend(backend, interface, options=options, device=device, size=size))
         if isinstance(options, Mapping) and options:
             subjects[-1].name += "{" + ", ".join(f"{key}={value}" for key, value in options.items()) + "}"
     rows = tuple(_row(subject, worlds, size) for subject in subjects)

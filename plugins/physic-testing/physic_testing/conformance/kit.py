@@ -20,9 +20,9 @@ from physic_testing.conformance import (
     manners,
     metric_depth,
     output_checks,
-    record,
     registration,
     relative_pointmap,
+    requirements,
     segmenter,
 )
 from physic_testing.conformance.backend_under_test import BackendUnderTest, find_backend
@@ -32,7 +32,6 @@ from physic_testing.conformance.exactness import check_is_exact
 from physic_testing.conformance.run import CheckRun, require_check_names
 
 if TYPE_CHECKING:
-    from physic_core.discovery.registry import Registry
     from physic_testing.conformance.backend_under_test import OptionsFor
     from physic_testing.conformance.report import Report
 
@@ -55,13 +54,13 @@ def checks_for(interface: str) -> tuple[Check, ...]:
     """Return all checks of an interface, in order of execution."""
     return (
         registration.CHECKS
-        + record.CHECKS
+        + requirements.CHECKS
         + lifecycle.CHECKS_BEFORE_INFER
         + before_load.CHECKS
         + output_checks.CHECKS
         + accuracy_checks(interface)
         + lifecycle.CHECKS_AFTER_INFER
-        + record.CHECKS_AFTER_INFER
+        + requirements.CHECKS_AFTER_INFER
         + manners.CHECKS
     )
 
@@ -84,7 +83,6 @@ def check_backend(
     capabilities: Collection[str] | None = None,
     exact_limits: Mapping[str, float] | None = None,
     expected_failures: Mapping[str, str] | None = None,
-    registry: Registry | None = None,
     device: str = "cpu",
     size: tuple[int, int] = SIZE,
 ) -> Report:
@@ -99,7 +97,6 @@ def check_backend(
         exact_limits: name of an error -> its limit in place of that of the capability "exact", such as
             {"IoU": 0.98}: what the backend's own resampling needs.
         expected_failures: name of a check -> why it is expected to fail; if it passes, it counts as a failure.
-        registry: registry in which names are looked up; by default all installed backends.
         device: device on which the backend is loaded.
         size: width and height of the standard photos, px.
 
@@ -114,7 +111,7 @@ def check_backend(
         "device": device,
         "size": size,
     }
-    return start_checks(find_backend(backend, interface, registry, **settings), expected_failures).report()
+    return start_checks(find_backend(backend, interface, **settings), expected_failures).report()
 
 
 def start_checks(subject: BackendUnderTest, expected_failures: Mapping[str, str] | None = None) -> CheckRun:
@@ -127,7 +124,6 @@ def parametrize_with_checks(
     backend: str | type[Backend],
     *,
     expected_failures: Mapping[str, str] | None = None,
-    registry: Registry | None = None,
     **settings: Any,
 ) -> Callable[[Any], Any]:
     """Return a pytest decorator that runs a test once for each check of a backend.
@@ -144,7 +140,6 @@ def parametrize_with_checks(
         interface: name of the interface, such as "metric_depth".
         backend: a name or a class, as for :func:`check_backend`.
         expected_failures: name of a check -> why it is expected to fail; the test fails if the check passes.
-        registry: as for :func:`check_backend`.
         settings: options, capabilities, device and size, as for :func:`check_backend`.
 
     Raises:
@@ -155,7 +150,7 @@ def parametrize_with_checks(
     expected = dict(expected_failures or {})
     checks = {check.name: check for check in checks_for(interface)} if interface in INTERFACES else {}
     require_check_names(expected, checks)
-    shared = _SharedRun(lambda: start_checks(find_backend(backend, interface, registry, **settings)))
+    shared = _SharedRun(lambda: start_checks(find_backend(backend, interface, **settings)))
     params = [
         pytest.param(
             BoundCheck(shared, name),

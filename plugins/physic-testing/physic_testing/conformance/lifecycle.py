@@ -7,8 +7,8 @@ import time
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
+from physic_core.discovery.backends import missing_requirements
 from physic_core.discovery.error_text import describe_error
-from physic_core.discovery.readiness import missing_requirements
 from physic_core.errors import PhysicError
 from physic_testing.conformance.attributes import attribute_values, replaced_attributes
 from physic_testing.conformance.check import Check
@@ -208,7 +208,7 @@ def _close_quietly(backend: Any) -> None:
 
 
 _BACKEND = "physic_core.interfaces.Backend"
-_WHOLE = ("target_is_a_concrete_class", "options_have_defaults")
+_WHOLE = ("class_fits_its_interface", "options_have_defaults")
 _CONSTRUCTED = ("constructs_with_its_defaults",)
 CHECKS_BEFORE_INFER: tuple[Check, ...] = (
     Check(check_constructs_offline, _BACKEND, after=_WHOLE),

@@ -257,7 +257,7 @@ def _close(backend: object) -> None:
 _TYPES, _BACKEND = "physic_core.types", "physic_core.interfaces"
 _ALONE = frozenset({"stochastic"})
 CHECKS: tuple[Check, ...] = (
-    Check(check_returns_valid_output, _TYPES, after=("infer_has_the_right_signature",)),
+    Check(check_returns_valid_output, _TYPES, after=("class_fits_its_interface",)),
     Check(check_accepts_several_people, _TYPES),
     Check(check_accepts_or_refuses_each_photo_of_people, _BACKEND, after=("accepts_several_people",)),
     Check(check_accepts_an_odd_size, _TYPES),

@@ -1,8 +1,7 @@
-"""Checks of a backend's registration, class and options, before it is constructed."""
+"""Checks of a plugin's hooks, and of a backend's class and options, before it is constructed."""
 
 from __future__ import annotations
 
-import inspect
 import json
 import subprocess
 import sys
@@ -13,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 from pydantic import BaseModel, ValidationError
 from pydantic.json_schema import PydanticJsonSchemaWarning
 
+from physic_core.discovery.backends import class_problem
+from physic_core.discovery.entry_points import PLUGINS_VARIABLE
 from physic_core.discovery.error_text import describe_error
-from physic_core.discovery.registry import signature_problem
 from physic_core.interfaces import INTERFACES
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
@@ -27,57 +27,48 @@ HEAVY_MODULES = frozenset((
     "scipy", "skimage", "sklearn", "tensorflow", "timm", "torch", "torchvision", "transformers", "trimesh",
     "ultralytics",
 ))  # fmt: skip
-"""Packages that the registration module of a plugin must not import."""
+"""Packages that a module of hooks must not import."""
 
 MAX_REGISTRATION_SECONDS = 0.5
-"""Maximum CPU time to list a plugin, s."""
+"""Maximum CPU time to import a module of hooks, s."""
 
 _REGISTRATION_SCRIPT = """
 import json, sys, time
-import physic_core.discovery.hookspecs, physic_core.discovery.plugins, physic_core.interfaces
+import physic_core.discovery.plugins, physic_core.interfaces
 known, start = set(sys.modules), time.process_time()
-found = physic_core.discovery.plugins.discover(environment={"PHYSIC_PLUGINS": sys.argv[1]})
+broken = [plugin.cause for plugin in physic_core.discovery.plugins.broken_plugins()]
 new = sorted({m.partition(".")[0] for m in set(sys.modules) - known})
-print(json.dumps({"seconds": time.process_time() - start, "new": new, "broken": [b.cause for b in found.broken]}))
+print(json.dumps({"seconds": time.process_time() - start, "new": new, "broken": broken}))
 """
 
 
 def check_registration_is_light(subject: BackendUnderTest) -> None:
-    """Listing the plugin imports no heavy package: `physic plugins` lists every plugin."""
+    """The hooks of the plugin, which `physic --help` calls, import no heavy package; its entry points are all read."""
     claim = subject.claim
-    if claim is None or not claim.origin.plugin:
-        raise CheckSkipped("not registered by a plugin")
-    seen = _measure_registration(claim.origin.plugin, tuple(sys.path))
-    expect(not seen["broken"], "a plugin that can be listed", "; ".join(seen["broken"]))
+    if claim is None or not claim.version:
+        raise CheckSkipped("not of an installed plugin")
+    seen = _measure_registration(claim.distribution, tuple(sys.path))
+    expect(not seen["broken"], "entry points that are read, and hooks that can be called", "; ".join(seen["broken"]))
     heavy = sorted(HEAVY_MODULES & set(seen["new"]))
     expect(
         not heavy,
-        f"a registration module, {claim.origin.plugin}, that imports nothing heavy",
-        f"listing it imports {', '.join(heavy)}",
-        "Register the target as a str, 'package.module:Class', and import the other packages in that module.",
+        "a module of hooks that imports nothing heavy",
+        f"it imports {', '.join(heavy)}",
+        "Name what a hook adds as a str, 'package.module:name', and import the other packages in that module.",
     )
     expect(
         seen["seconds"] < MAX_REGISTRATION_SECONDS,
-        f"less than {MAX_REGISTRATION_SECONDS} s of processor time to list the plugin",
+        f"less than {MAX_REGISTRATION_SECONDS} s of processor time to import the module of hooks",
         f"{seen['seconds']:.1f} s",
-        "Move work out of the registration module.",
+        "Move work out of it.",
     )
 
 
-def check_target_is_a_concrete_class(subject: BackendUnderTest) -> None:
-    """The registered target is a subclass of its interface and implements all abstract methods."""
+def check_class_fits_its_interface(subject: BackendUnderTest) -> None:
+    """The class is a subclass of its interface with all methods, and `infer` has the parameters of the interface."""
     wanted = INTERFACES[subject.interface]
-    name = f"physic_core.interfaces.{wanted.__name__}"
-    expect(issubclass(subject.kind, wanted), f"a subclass of {name}", f"{subject.kind.__mro__[1:-1]}")
-    missing = sorted(getattr(subject.kind, "__abstractmethods__", ()))
-    expect(not missing, f"all methods of {name}", f"a class without {', '.join(missing)}")
-
-
-def check_infer_has_the_right_signature(subject: BackendUnderTest) -> None:
-    """`infer` has the parameters of its interface, in the same order."""
-    wanted = list(inspect.signature(INTERFACES[subject.interface].infer).parameters)
-    fault = signature_problem(subject.kind, subject.interface)
-    expect(not fault, f"infer({', '.join(wanted)})", fault)
+    problem = class_problem(subject.kind, subject.interface)
+    expect(not problem, f"a complete subclass of physic_core.interfaces.{wanted.__name__}", f"a class that {problem}")
 
 
 def check_options_refuse_unknown_keys(subject: BackendUnderTest) -> None:
@@ -129,12 +120,12 @@ def check_options_survive_json(subject: BackendUnderTest) -> None:
 
 
 @lru_cache(maxsize=64)
-def _measure_registration(plugin: str, path: tuple[str, ...]) -> dict[str, Any]:
-    """List a plugin in a new process; return the CPU time, the imported packages and the errors."""
+def _measure_registration(distribution: str, path: tuple[str, ...]) -> dict[str, Any]:
+    """Call the hooks of a plugin in a new process; return the CPU time, the imported packages and the errors."""
     import os
 
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in path if p)}
-    command = [sys.executable, "-P", "-c", _REGISTRATION_SCRIPT, plugin]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in path if p), PLUGINS_VARIABLE: distribution}
+    command = [sys.executable, "-P", "-c", _REGISTRATION_SCRIPT]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=120, check=False)
     if done.returncode:
         return {"seconds": 0.0, "new": [], "broken": [done.stderr.strip().rpartition("\n")[2]]}
@@ -142,14 +133,13 @@ def _measure_registration(plugin: str, path: tuple[str, ...]) -> dict[str, Any]:
     return seen
 
 
-_HOOK, _OPTIONS = "physic_core.discovery.hookspecs", "physic_core.interfaces.Options"
+_HOOK, _OPTIONS = "physic_core.discovery.hooks", "physic_core.interfaces.Options"
 CHECKS: tuple[Check, ...] = (
     Check(check_registration_is_light, _HOOK),
-    Check(check_target_is_a_concrete_class, "physic_core.interfaces"),
-    Check(check_infer_has_the_right_signature, "physic_core.interfaces", after=("target_is_a_concrete_class",)),
+    Check(check_class_fits_its_interface, "physic_core.interfaces"),
     Check(check_options_refuse_unknown_keys, _OPTIONS),
     Check(check_options_have_defaults, _OPTIONS, after=("options_refuse_unknown_keys",)),
     Check(check_options_are_described, _OPTIONS, after=("options_refuse_unknown_keys",)),
     Check(check_options_survive_json, _OPTIONS, after=("options_have_defaults",)),
 )
-"""Checks of a registration, in order of execution."""
+"""Checks in order of execution."""

@@ -60,7 +60,7 @@ class CheckRun:
         accuracy = mean_accuracy(self.subject)
         self.subject.close()
         subject = self.subject
-        origin = "passed directly" if subject.claim is None else str(subject.claim.origin)
+        origin = "passed directly" if subject.claim is None else subject.claim.owner
         return Report(subject.interface, subject.name, origin, results, accuracy)
 
     def _run_check(self, check: Check) -> Result:

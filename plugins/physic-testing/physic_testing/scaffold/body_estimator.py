@@ -25,6 +25,7 @@ class TemplateOptions(Options):
 class Template(BodyEstimator):
     """Places the embedded body in rest pose at each person's box."""
 
+    written_for = 1
     Options: ClassVar[type[Options]] = TemplateOptions
     options: TemplateOptions
     capabilities: ClassVar[tuple[str, ...]] = ("ignores_image",)  # remove it once infer() looks at the image

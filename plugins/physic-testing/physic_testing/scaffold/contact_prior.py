@@ -25,6 +25,7 @@ class TemplateOptions(Options):
 class Template(ContactPrior):
     """Returns one probability for the vertices of all soles, and zero elsewhere."""
 
+    written_for = 1
     Options: ClassVar[type[Options]] = TemplateOptions
     options: TemplateOptions
 

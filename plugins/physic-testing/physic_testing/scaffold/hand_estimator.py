@@ -23,6 +23,7 @@ class TemplateOptions(Options):
 class Template(HandEstimator):
     """Returns confidence 0 for all hands, so that fingers stay in rest pose."""
 
+    written_for = 1
     Options: ClassVar[type[Options]] = TemplateOptions
     options: TemplateOptions
 

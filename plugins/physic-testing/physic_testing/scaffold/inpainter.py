@@ -23,6 +23,7 @@ class TemplateOptions(Options):
 class Template(Inpainter):
     """Fills the mask with the mean colour of the surrounding pixels."""
 
+    written_for = 1
     Options: ClassVar[type[Options]] = TemplateOptions
     options: TemplateOptions
 

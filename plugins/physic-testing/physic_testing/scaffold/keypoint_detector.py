@@ -30,6 +30,7 @@ class TemplateOptions(Options):
 class Template(KeypointDetector):
     """Places the joints of a standing person on the vertical centre line of each box."""
 
+    written_for = 1
     Options: ClassVar[type[Options]] = TemplateOptions
     options: TemplateOptions
     capabilities: ClassVar[tuple[str, ...]] = ("ignores_image",)  # remove it once infer() looks at the image

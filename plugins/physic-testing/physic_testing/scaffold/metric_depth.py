@@ -24,6 +24,7 @@ class TemplateOptions(Options):
 class Template(MetricDepth):
     """Scales the relative point map to the distance of the estimated bodies."""
 
+    written_for = 1
     Options: ClassVar[type[Options]] = TemplateOptions
     options: TemplateOptions
 

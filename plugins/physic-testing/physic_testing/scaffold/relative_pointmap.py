@@ -23,6 +23,7 @@ class TemplateOptions(Options):
 class Template(RelativePointmap):
     """Returns a level floor one unit below the camera, and a wall, for every photo."""
 
+    written_for = 1
     Options: ClassVar[type[Options]] = TemplateOptions
     options: TemplateOptions
     capabilities: ClassVar[tuple[str, ...]] = ("ignores_image",)  # remove it once infer() looks at the image

@@ -26,6 +26,7 @@ class TemplateOptions(Options):
 class Template(Segmenter):
     """Returns the ellipse in each given box as a person; an earlier box occludes a later one."""
 
+    written_for = 1
     Options: ClassVar[type[Options]] = TemplateOptions
     options: TemplateOptions
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from typing import Any
 
 from click.testing import CliRunner, Result
 
@@ -16,14 +17,10 @@ def physic(*arguments: str) -> Result:
 
 SICK = (
     "import os, time\n"
-    "from physic_core import BackendRecord, hookimpl\n"
     "from physic_core.errors import BackendError\n"
     "from physic_core.interfaces import Inpainter\n"
-    "@hookimpl\n"
-    "def physic_backends():\n"
-    "    names = ('well', 'lacking', 'failing', 'dying', 'hanging', 'unclosed')\n"
-    "    return [BackendRecord('inpainter', n, f'physic_sick:{n.capitalize()}', api=1) for n in names]\n"
     "class Well(Inpainter):\n"
+    "    written_for = 1\n"
     "    def infer(self, image, mask): return image\n"
     "class Lacking(Well):\n"
     "    def load(self, device='cpu'): raise BackendError('no checkpoint at /x: get it from /y')\n"
@@ -36,11 +33,17 @@ SICK = (
     "class Unclosed(Well):\n"
     "    def close(self): raise RuntimeError('still open')\n"
 )
+NAMES = ("well", "lacking", "failing", "dying", "hanging", "unclosed")
+
+
+def install(site: Any) -> None:
+    entries = "\n".join(f"{name} = physic_sick:{name.capitalize()}" for name in NAMES)
+    site.install("physic-sick", SICK, entry=entries, group="physic.inpainter")
 
 
 def test_the_doctor_looks_at_every_backend_whatever_the_others_do(site, monkeypatch):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-sick,physic-bad,physic-testing")
-    site.install("physic-sick", SICK)
+    install(site)
     site.install("physic-bad", "import no_such_module\n", version="0.3")
     done = physic("plugins", "doctor", "--timeout", "8")
     assert done.exit_code == 5
@@ -49,7 +52,7 @@ def test_the_doctor_looks_at_every_backend_whatever_the_others_do(site, monkeypa
         found,
         (
             ("BROKEN", "'dying'", "code 9"),
-            ("BROKEN", "'failing'", "ValueError: bad magic number (physic_sick.py:14)"),
+            ("BROKEN", "'failing'", "ValueError: bad magic number (physic_sick.py:10)"),
             ("BROKEN", "'hanging'", "8 s"),
             ("missing", "'lacking'", "no checkpoint at /x"),
             ("BROKEN", "'unclosed'", "RuntimeError: still open"),
@@ -65,7 +68,7 @@ def test_the_doctor_looks_at_every_backend_whatever_the_others_do(site, monkeypa
 
 def test_the_doctor_accepts_backends_with_missing_files(site, monkeypatch):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-sick,physic-testing")
-    site.install("physic-sick", SICK)
+    install(site)
     done = physic("plugins", "doctor", "lacking", "--json")
     assert done.exit_code == 0
     (finding,) = json.loads(done.stdout)
@@ -85,16 +88,11 @@ def test_a_class_that_no_plugin_registers_is_loaded(monkeypatch, tmp_path):
     assert done.stdout.startswith("ok       inpainter 'doctor_fill:Fill' (named in the config): ")
 
 
-def test_a_refused_record_and_a_missing_module_are_broken(site):
-    site.install(
-        "physic-sick",
-        "from physic_core import BackendRecord, hookimpl\n"
-        "@hookimpl\n"
-        "def physic_backends():\n"
-        "    return [BackendRecord('segmenter', 'new', 'm:C', api=2),\n"
-        "            BackendRecord('segmenter', 'gone', 'json.gone:C', api=1)]\n",
-    )
+def test_another_version_and_a_missing_module_are_broken(site):
+    site.offer("physic-new", "segmenter", "new", api=2)
+    site.install("physic-gone", "", entry="gone = json.gone:C", group="physic.segmenter")
     done = physic("plugins", "doctor", "--interface", "segmenter")
-    gone, new = (line for line in done.stdout.splitlines() if "physic-sick" in line)
+    (gone,) = (line for line in done.stdout.splitlines() if "physic-gone" in line)
+    (new,) = (line for line in done.stdout.splitlines() if "physic-new" in line)
     assert "No module named 'json.gone'" in gone
     assert "upgrade physic-core" in new

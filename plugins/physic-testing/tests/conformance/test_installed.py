@@ -6,12 +6,10 @@ from typing import Any
 
 import pytest
 
-from physic_core.discovery.plugins import discover
+from physic_core import list_backends
 from physic_testing import check_backend
 from physic_testing.conformance.backend_under_test import OptionsFor
 from physic_testing.conformance.cases import SIZE
-
-CLAIMS = [claim for claim in discover() if not claim.problem]
 
 # Contracts do not depend on how much a network sees: small inputs, one look and one thread are enough.
 OPTIONS: dict[tuple[str, str], OptionsFor] = {
@@ -26,14 +24,13 @@ OPTIONS: dict[tuple[str, str], OptionsFor] = {
 SIZES = dict.fromkeys(("inpainter", "relative_pointmap", "body_estimator"), (160, 120))
 
 
-@pytest.mark.parametrize("claim", CLAIMS, ids=lambda c: f"{c.record.interface}-{c.record.name}")
-def test_an_installed_backend_does_what_its_interface_promises(claim: Any):
-    key = (claim.record.interface, claim.record.name)
+@pytest.mark.parametrize("offer", list_backends(), ids=lambda offer: f"{offer.interface}-{offer.name}")
+def test_an_installed_backend_does_what_its_interface_promises(offer: Any):
     report = check_backend(
-        f"{claim.origin.distribution}:{claim.record.name}",
-        claim.record.interface,
-        options=OPTIONS.get(key),
-        size=SIZES.get(claim.record.interface, SIZE),
+        f"{offer.distribution}:{offer.name}",
+        offer.interface,
+        options=OPTIONS.get((offer.interface, offer.name)),
+        size=SIZES.get(offer.interface, SIZE),
     )
     print(report.summary)
     if report.not_run_reason and not report.failures:

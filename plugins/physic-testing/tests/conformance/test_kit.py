@@ -7,7 +7,6 @@ from pydantic import Field
 from right_backends import SIZE, RightMetricDepth, RightOptions, RightSegmenter
 from wrong_backends import WRONG
 
-from physic_core.discovery.registry import BackendRecord, Registry
 from physic_core.errors import BackendError, ConfigError
 from physic_testing import check_backend
 from physic_testing.conformance import Report, Result, checks_for
@@ -56,9 +55,8 @@ def outcome(report: Report, check: str) -> Result:
 # ---- which backend ---------------------------------------------------------------------------------------------------
 
 
-def test_a_name_a_target_a_class_and_an_instance_are_the_same_backend():
-    registry = Registry(installed=False)
-    registry.register(BackendRecord("metric_depth", "right", RightMetricDepth, api=1))
+def test_a_name_a_target_a_class_and_an_instance_are_the_same_backend(site):
+    site.put({"metric_depth": RightMetricDepth}, "right")
     for backend, interface in (
         ("right", None),
         ("right", "metric_depth"),
@@ -66,19 +64,17 @@ def test_a_name_a_target_a_class_and_an_instance_are_the_same_backend():
         (RightMetricDepth, None),
         (RightMetricDepth(), None),
     ):
-        report = check_backend(backend, interface, registry=registry, size=SIZE)
+        report = check_backend(backend, interface, size=SIZE)
         assert report.ok, report.text
         assert report.interface == "metric_depth"
 
 
-def test_a_name_of_several_interfaces_needs_the_interface():
-    registry = Registry(installed=False)
-    registry.register(BackendRecord("metric_depth", "right", RightMetricDepth, api=1))
-    registry.register(BackendRecord("segmenter", "right", RightSegmenter, api=1))
+def test_a_name_of_several_interfaces_needs_the_interface(site):
+    site.put({"metric_depth": RightMetricDepth, "segmenter": RightSegmenter}, "right")
     with pytest.raises(BackendError, match="metric_depth, segmenter"):
-        check_backend("right", registry=registry)
+        check_backend("right")
     with pytest.raises(BackendError, match=r"^no interface named 'depth'; valid are: segmenter, "):
-        check_backend("right", "depth", registry=registry)
+        check_backend("right", "depth")
 
 
 # ---- what comes of it ------------------------------------------------------------------------------------------------
@@ -96,7 +92,7 @@ def test_a_failure_states_expected_and_found_value_unit_and_reference():
 def test_the_summary_counts_passed_failed_and_skipped_checks():
     report = check_backend(CENTIMETRES, size=SIZE)
     total = len(checks_for("metric_depth"))
-    assert f"{total} checks: {total - 9} passed, 1 failed, 8 skipped" in report.summary
+    assert f"{total} checks: {total - 8} passed, 1 failed, 7 skipped" in report.summary
     assert sum(report.counts.values()) == total
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import sys
-from importlib.metadata import distributions
 from pathlib import Path
+from typing import Any
 
 import pytest
 import wrong_bodies
@@ -14,11 +13,10 @@ from right_backends import RIGHT, SIZE
 from wrong_backends import WRONG, Wrong
 
 from physic_core import interfaces
-from physic_core.discovery.plugins import discover
 from physic_core.interfaces import INTERFACES
 from physic_mock import backends as mocks
 from physic_testing import check_backend
-from physic_testing.conformance import checks_for, record
+from physic_testing.conformance import checks_for, requirements
 from physic_testing.conformance.backend_under_test import find_backend
 from physic_testing.conformance.kit import start_checks
 from physic_testing.conformance.run import CheckRun
@@ -33,32 +31,29 @@ def test_a_right_backend_passes_every_check_that_can_be_judged(kind: type[interf
         "registration_is_light",
         "returns_intrinsics_as_promised",
         "ignores_the_image",
-        "record_names_weights_that_exist",
-        "record_states_the_licence_of_the_weights",
-        "record_names_packages_that_it_uses",
+        "default_weights_are_listed",
+        "packages_are_required",
         "is_exact",
         "observed_is_true_in_sight",
     }
 
 
-def start(mistake: Wrong, folder: Path, monkeypatch: pytest.MonkeyPatch) -> CheckRun:
+def start(mistake: Wrong, site: Any) -> CheckRun:
     if not mistake.plugin:
-        return start_checks(find_backend(mistake.kind, None, None, size=SIZE))
-    info = folder / "wrong_plugin-1.0.dist-info"
-    info.mkdir()
-    (folder / "wrong_plugin.py").write_text(mistake.plugin)
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: wrong-plugin\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[physic.plugins]\nwrong = wrong_plugin\n")
-    monkeypatch.syspath_prepend(str(folder))
-    registry = discover(entry for found in distributions(path=[str(folder)]) for entry in found.entry_points)
-    monkeypatch.delitem(sys.modules, "wrong_plugin")
-    return start_checks(find_backend("heavy", mistake.kind.interface, registry, size=SIZE))
+        return start_checks(find_backend(mistake.kind, None, size=SIZE))
+    mistake.kind.written_for = 1
+    target = f"{mistake.kind.__module__}:{mistake.kind.__name__}"
+    entry = f"[physic.plugins]\nwrong = physic_wrong\n[physic.{mistake.kind.interface}]\nheavy = {target}\n"
+    site.install("physic-wrong", mistake.plugin, entry=entry)
+    return start_checks(find_backend("heavy", mistake.kind.interface, size=SIZE))
 
 
 @pytest.mark.parametrize("mistake", WRONG, ids=lambda mistake: mistake.id)
-def test_a_wrong_backend_is_caught_by_its_own_check(mistake: Wrong, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_wrong_backend_is_caught_by_its_own_check(
+    mistake: Wrong, site: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     monkeypatch.chdir(tmp_path)
-    run = start(mistake, tmp_path, monkeypatch)
+    run = start(mistake, site)
     failure = run.result(mistake.check)
     run.subject.close()
     assert failure.outcome == ("warned" if run.checks[mistake.check].warns else "failed"), failure
@@ -72,7 +67,9 @@ def test_every_check_catches_a_wrong_backend(interface: str):
     common = set.intersection(*({check.name for check in checks_for(other)} for other in INTERFACES))
     planted = {f.check for f in FAULTS + READER_FAULTS if getattr(mocks, f.mock).interface == interface}
     caught = {m.check for m in WRONG if m.kind.interface == interface} | planted
-    everywhere = {m.check for m in WRONG} | {check.name for check in record.CHECKS + record.CHECKS_AFTER_INFER}
+    everywhere = {m.check for m in WRONG} | {
+        check.name for check in requirements.CHECKS + requirements.CHECKS_AFTER_INFER
+    }
     assert own & common <= everywhere
     # Checks that several interfaces share without any difference need one wrong backend only.
     assert own - common - caught <= {"works_without_hints", "accepts_a_photo_without_people", "rows_follow_the_people"}

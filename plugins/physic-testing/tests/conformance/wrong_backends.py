@@ -89,21 +89,17 @@ WRONG.append(
         "torch imported at registration",
         RightMetricDepth,
         "registration_is_light",
-        "import torch\n"
-        "from physic_core import BackendRecord, hookimpl\n"
-        "@hookimpl\n"
-        "def physic_backends():\n"
-        "    return [BackendRecord('metric_depth', 'heavy', 'right_backends:RightMetricDepth', api=1)]\n",
+        "import torch\nfrom physic_core import hookimpl\n@hookimpl\ndef physic_commands():\n    return []\n",
     )
 )
 
 
-@wrong("no infer", "target_is_a_concrete_class")
+@wrong("no infer", "class_fits_its_interface")
 class Abstract(Knowing, interfaces.MetricDepth):
     pass
 
 
-@wrong("infer without hints", "infer_has_the_right_signature")
+@wrong("infer without hints", "class_fits_its_interface")
 class Narrow(RightMetricDepth):
     def infer(self, image):
         return super().infer(image, Hints())

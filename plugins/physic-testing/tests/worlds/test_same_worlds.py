@@ -37,7 +37,6 @@ import numpy as np
 from physic_core import load_config
 from physic_core.body import load_body
 from physic_core.pipeline.estimate import run_backends
-from physic_core.discovery.plugins import discover
 from physic_core.configuration.resolve import resolve
 from physic_core.pipeline.stage_runner import StageRunner
 from physic_testing.worlds import build_world
@@ -54,7 +53,7 @@ def show(name, value):
     else:
         print(name, repr(value))
 
-plan = resolve(load_config(preset="mock"), discover())
+plan = resolve(load_config(preset="mock"))
 model = load_body(plan.body_model)
 for argument in sys.argv[1:]:
     name, seed = argument.split(":")

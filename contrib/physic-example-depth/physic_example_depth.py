@@ -31,6 +31,7 @@ class StatureOptions(Options):
 class Stature(MetricDepth):
     """Metric depth: the relative scene scaled by the tallest person. A note warns if that person does not stand."""
 
+    written_for = 1
     Options: ClassVar[type[Options]] = StatureOptions
     options: StatureOptions
 

@@ -30,6 +30,7 @@ class PullPushOptions(Options):
 class PullPush(Inpainter):
     """Inpainter by pull-push: image pyramids of the image and of the known share of each pixel."""
 
+    written_for = 1
     Options: ClassVar[type[Options]] = PullPushOptions
     options: PullPushOptions
 

@@ -1,68 +1,41 @@
-"""Records of backends, commands and exporters, which hooks of plugins return."""
+"""Hooks of plugins: what a plugin adds besides backends.
+
+A plugin with hooks has an entry point in the group ``physic.plugins`` that names a module with them::
+
+    from physic_core import PluginItem, hookimpl
+
+    @hookimpl
+    def physic_commands():
+        return [PluginItem("my-command", "my_pkg.commands:my_command", summary="Does ...")]
+
+``physic --help`` imports the module, so it imports nothing slow. What an item names is imported when it is used.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
+
+import pluggy
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from physic_core.interfaces import Backend
+PROJECT = "physic"
+
+hookimpl = pluggy.HookimplMarker(PROJECT)
+_hookspec = pluggy.HookspecMarker(PROJECT)
 
 
 @dataclass(frozen=True)
-class BackendRecord:
-    """Name, class, interface and requirements of one backend of a plugin.
+class PluginItem:
+    """A command, an executor, an engine preset or a page of a plugin.
 
     Attributes:
-        interface: "segmenter", "inpainter", "metric_depth", "relative_pointmap", "keypoint_detector", "body_estimator",
-            "hand_estimator" or "contact_prior".
-        name: the backend's name in configs, lower case with hyphens.
-        target: "package.module:Class", imported when the backend is first used. In a registry built by hand, it may
-            be the class itself.
-        api: version of the interface that the backend implements, such as 1; a core with another version refuses it.
-        summary: one line for ``physic plugins``.
-        weights_license: licence of the weights; empty without weights.
-        needs: further requirements, one word or phrase each ("GPU", "a checkpoint file").
-        homepage: URL of its documentation.
-        packages: import names of required packages, such as those of an extra.
-        weights: names of the weight sets that it reads by default; ``physic plugins`` checks that they are present.
-    """
-
-    interface: str
-    name: str
-    target: str | type[Backend]
-    api: int
-    summary: str = ""
-    weights_license: str = ""
-    needs: tuple[str, ...] = ()
-    homepage: str = ""
-    packages: tuple[str, ...] = ()
-    weights: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class TargetRecord:
-    """An entry point of a group without hooks.
-
-    Attributes:
-        name: of the entry point.
+        name: of the item; of a command, the words after ``physic``, such as "bench" or "plugins check".
         target: "package.module:name" of a function or object, imported when it is used.
-    """
-
-    name: str
-    target: str
-
-
-@dataclass(frozen=True)
-class CommandRecord:
-    """A command that a plugin adds to ``physic``.
-
-    Attributes:
-        name: the words after ``physic``, such as "bench" or "plugins check".
-        target: "package.module:name" of a ``click.Command``, imported when the command runs.
         summary: one line for ``--help``.
     """
 
@@ -124,5 +97,43 @@ class ExporterRecord:
         return tuple(package for package in self.packages if find_spec(package) is None)
 
 
-RECORD_HOOKS: dict[type[Any], str] = {CommandRecord: "physic_commands", ExporterRecord: "physic_exporters"}
-"""The hook that returns each kind of record but backends."""
+@_hookspec
+def physic_commands() -> Sequence[PluginItem]:  # type: ignore[empty-body]
+    """Return the commands that this plugin adds to ``physic``: each target is a ``click.Command``."""
+
+
+@_hookspec
+def physic_exporters() -> Sequence[ExporterRecord]:  # type: ignore[empty-body]
+    """Return the formats that this plugin adds to ``physic export``."""
+
+
+@_hookspec
+def physic_executors() -> Sequence[PluginItem]:  # type: ignore[empty-body]
+    """Return the executors that this plugin adds to ``physic batch --executor``.
+
+    Each target is a function that gets :class:`physic_core.batch.executors.ExecutorSettings` and returns an
+    :data:`physic_core.batch.run.Executor`.
+    """
+
+
+@_hookspec
+def physic_engine_presets() -> Sequence[PluginItem]:  # type: ignore[empty-body]
+    """Return the values that this plugin adds to ``engine.preset``.
+
+    Each target is an :class:`physic_core.engine.settings.EngineSettings`.
+    """
+
+
+@_hookspec
+def physic_pages() -> Sequence[PluginItem]:  # type: ignore[empty-body]
+    """Return the maker of ``report.html``, the page of a result (:func:`physic_core.visual.report.report_html`)."""
+
+
+RECORDS: dict[str, type[PluginItem] | type[ExporterRecord]] = {
+    "physic_commands": PluginItem,
+    "physic_exporters": ExporterRecord,
+    "physic_executors": PluginItem,
+    "physic_engine_presets": PluginItem,
+    "physic_pages": PluginItem,
+}
+"""The hooks, and the class of what each returns."""

@@ -1,0 +1,223 @@
+"""Find backends by interface and name, and import their classes; nothing is imported to list them."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import os
+import sys
+from typing import TYPE_CHECKING, Any
+
+from physic_core.discovery import local_modules
+from physic_core.discovery.catalog import BACKENDS, how_to_install
+from physic_core.discovery.close_names import closest_name
+from physic_core.discovery.entry_points import (
+    PLUGINS_VARIABLE,
+    Offer,
+    canonicalize_name,
+    installed_offers,
+    restricted_to,
+)
+from physic_core.discovery.error_text import describe_error
+from physic_core.discovery.local_modules import TARGET
+from physic_core.discovery.plugin_code import named_plugin_code, plugin_code
+from physic_core.errors import AmbiguousBackendError, BackendError, BackendNotFoundError, WeightsMissingError
+from physic_core.interfaces import INTERFACES
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from physic_core.interfaces import Backend
+
+_IN_CONFIG = "named in the config"
+
+
+def list_backends(interface: str | None = None) -> tuple[Offer, ...]:
+    """Return the installed backends of an interface, or of all, sorted by interface, name and distribution."""
+    offers = installed_offers() if interface is None else installed_offers(f"physic.{interface}")
+    return tuple(offer for offer in offers if offer.interface in INTERFACES)
+
+
+def find_backend(interface: str, name: str) -> Offer:
+    """Return the backend of an interface that has this name; it is not imported.
+
+    Args:
+        interface: "metric_depth", ...
+        name: "name"; "distribution:name" if two distributions offer it; "package.module:Class" for a class that no
+            plugin offers; "/folder/module:Class" for a class in a file of that folder.
+
+    Raises:
+        BackendNotFoundError: no installed plugin offers it.
+        AmbiguousBackendError: two distributions offer it.
+    """
+    found = _called(list_backends(interface), name)
+    if len(found) == 1:
+        return found[0]
+    if found:
+        ways = " or ".join(f"'{one.distribution}:{one.name}'" for one in found)
+        raise AmbiguousBackendError(f"{' and '.join(map(str, found))} have one name: write {ways} to choose")
+    target = local_modules.split_folder(name)[1]
+    distribution = canonicalize_name(target.partition(":")[0])
+    if TARGET.fullmatch(target) and distribution not in {canonicalize_name(o.distribution) for o in list_backends()}:
+        return Offer(f"physic.{interface}", target, name, _IN_CONFIG)
+    raise BackendNotFoundError(f"{_explain_missing(target, interface)} (Python: {sys.executable})")
+
+
+def find_by_name(name: str) -> tuple[Offer, ...]:
+    """Return the backends of all interfaces that have this name. Names are written as in :func:`find_backend`.
+
+    "package.module:Class" is imported to find its interface.
+
+    Raises:
+        BackendNotFoundError: no backend has this name.
+        BackendError: the class cannot be imported, or implements no interface.
+    """
+    if found := _called(list_backends(), name):
+        return found
+    target = local_modules.split_folder(name)[1]
+    if not TARGET.fullmatch(target):
+        raise BackendNotFoundError(f"{_explain_missing(target, None)} (Python: {sys.executable})")
+    kind = _import_target(Offer("", target, name, _IN_CONFIG), f"'{target}'")
+    own = [name for name, wanted in INTERFACES.items() if isinstance(kind, type) and issubclass(kind, wanted)]
+    if len(own) != 1:
+        names = ", ".join(wanted.__name__ for wanted in INTERFACES.values())
+        raise BackendError(f"'{target}' should be a subclass of one class of physic_core.interfaces: {names}")
+    return (Offer(f"physic.{own[0]}", target, name, _IN_CONFIG),)
+
+
+def load_class(offer: Offer) -> type[Backend]:
+    """Import the class of a backend, and check that it is one of its interface, in the version of this core.
+
+    Raises:
+        BackendNotFoundError: a config names a class that does not exist.
+        BackendError: the class cannot be imported, or is no such backend.
+    """
+    kind: Any = _import_target(offer, str(offer))
+    if problem := class_problem(kind, offer.interface):
+        raise BackendError(f"{offer}: {offer.target} {problem}")
+    written, ours = getattr(kind, "written_for", None), INTERFACES[offer.interface].api
+    if written is None and offer.distribution == _IN_CONFIG:
+        written = ours
+    if not isinstance(written, int):
+        raise BackendError(f"{offer}: {offer.target} should state the version of its interface: written_for = {ours}")
+    if written != ours:
+        older = "physic-core" if written > ours else offer.distribution
+        raise BackendError(
+            f"{offer} is written for version {written} of the interface {offer.interface}, and this physic-core has "
+            f"version {ours}: upgrade {older}"
+        )
+    found: type[Backend] = kind
+    return found
+
+
+def class_problem(kind: object, interface: str) -> str:
+    """Return why an object is no complete backend class of an interface, as the end of a sentence; "" if it is."""
+    wanted: Any = INTERFACES[interface]
+    if not (isinstance(kind, type) and issubclass(kind, wanted)):
+        return f"is not a subclass of physic_core.interfaces.{wanted.__name__}"
+    if missing := sorted(getattr(kind, "__abstractmethods__", ())):
+        return f"has no method {' and '.join(missing)}, which the interface {interface} requires"
+    own: Any = kind
+    arguments = list(inspect.signature(vars(wanted)["infer"]).parameters)
+    bound = isinstance(inspect.getattr_static(kind, "infer"), (staticmethod, classmethod))
+    taken = inspect.signature(own.infer)
+    try:
+        taken.bind(*arguments[1:] if bound else arguments)
+    except TypeError as error:
+        return f"has infer{taken}, which should take {', '.join(arguments[1:])}: {error}"
+    return ""
+
+
+def summary_of(kind: type[Backend]) -> str:
+    """Return the first line of the docstring of a backend's class."""
+    return inspect.cleandoc(kind.__doc__ or "").partition("\n")[0]
+
+
+def missing_requirements(backend: Backend) -> tuple[str, ...]:
+    """Call ``missing()`` of a backend, and return its messages about missing requirements.
+
+    Raises:
+        BackendError: ``missing()`` fails, or does not return texts.
+        PhysicError: raised by the backend itself.
+    """
+    try:
+        with named_plugin_code("missing() fails", type(backend)):
+            messages: object = backend.missing()
+    except WeightsMissingError as error:
+        return (str(error),)
+    if not isinstance(messages, (tuple, list)) or not all(isinstance(text, str) for text in messages):
+        raise BackendError(f"missing() must return a tuple of texts, got {messages!r}")
+    return tuple(messages)
+
+
+def _called(offers: tuple[Offer, ...], name: str) -> tuple[Offer, ...]:
+    """Return the backends of the name "name" or "distribution:name"."""
+    owner, _, bare = name.rpartition(":")
+    return tuple(
+        offer
+        for offer in offers
+        if offer.name == bare and canonicalize_name(owner) in ("", canonicalize_name(offer.distribution))
+    )
+
+
+def _explain_missing(name: str, interface: str | None) -> str:
+    """Return why no backend has this name, and what to install or to write instead."""
+    offers = list_backends(interface)
+    names = sorted({offer.name for offer in offers})
+    parts = [f"no {interface or 'backend'} named '{name}'; installed: {', '.join(names) or 'none'}"]
+    if restricted_to() is not None:
+        # First, since a restriction may hide plugins that the later advice would install.
+        parts.append(f"{PLUGINS_VARIABLE}={os.environ[PLUGINS_VARIABLE]!r} hides every other plugin: add to it")
+    bare = name.rpartition(":")[2]
+    others = sorted({offer.interface for offer in list_backends() if offer.name == bare})
+    if owners := [offer.distribution for offer in offers if offer.name == bare]:
+        parts.append(f"'{bare}' comes from {' and '.join(owners)}")
+    elif close := closest_name(bare, names):
+        parts.append(f"Did you mean '{close}'?")
+    elif others:
+        parts.append(f"'{bare}' is the name of a {' and of a '.join(others)}")
+    elif close := closest_name(bare, BACKENDS):
+        parts.append(f"'{close}' comes with {BACKENDS[close]}: {how_to_install(BACKENDS[close])}")
+    return ". ".join(parts)
+
+
+def _import_target(offer: Offer, title: str) -> object:
+    """Import "package.module:Class" or "/folder/module:Class"."""
+    folder, target = local_modules.split_folder(offer.target)
+    module, _, path = target.partition(":")
+    found: object = None
+    try:
+        with plugin_code():
+            found = importlib.import_module(module) if folder is None else local_modules.load_module(folder, module)
+            for part in path.split("."):
+                found = getattr(found, part)
+    except Exception as cause:  # any error of a plugin's module: name the plugin
+        kind, advice = BackendError, ""
+        if offer.distribution == _IN_CONFIG:
+            advice = _advice(folder, module, cause)
+            if found is not None or _is_not_found(module, cause):
+                kind = BackendNotFoundError
+        raise kind(f"{title} cannot be imported: {describe_error(cause, module)}{advice}") from cause
+    return found
+
+
+def _is_not_found(module: str, cause: BaseException) -> bool:
+    """Return whether the named module itself does not exist, rather than a module that it imports."""
+    return isinstance(cause, ModuleNotFoundError) and (cause.name is None or f"{module}.".startswith(f"{cause.name}."))
+
+
+def _advice(folder: Path | None, module: str, cause: BaseException) -> str:
+    """Return the remedy if a named module, or one that it imports, is not found; empty for other errors."""
+    missing = cause.name if isinstance(cause, ModuleNotFoundError) else None
+    if missing is None:
+        return ""
+    missing = missing.partition(".")[0]
+    if folder is None:
+        is_named = missing == module.partition(".")[0]
+        return f"; put {missing}.py beside the config, or its folder into PYTHONPATH" if is_named else ""
+    if not (folder / f"{missing}.py").is_file() and not (folder / missing).is_dir():
+        return ""
+    return (
+        f"; {missing} lies in {folder} too, but only {module} is taken from there: put both into a package and import "
+        f"relatively, or put that folder into PYTHONPATH"
+    )
