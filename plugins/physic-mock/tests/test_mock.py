@@ -110,11 +110,6 @@ def test_a_drawn_shift_leaves_out_only_what_is_farthest(world):
         assert (np.isfinite(world.depth) & ~answer.valid).mean() < 0.06
 
 
-def test_bodies_have_the_stated_sigma(world):
-    sigma = pose(world, stated_sigma=0.2).rotation_sigma
-    np.testing.assert_array_equal(sigma, np.full((len(world.masks), 22), 0.2))
-
-
 def test_metric_depth_has_the_stated_scale_and_sigma(world):
     depth = MockMetricDepth(MetricDepthOptions(scale=1.25, stated_sigma=0.2)).infer(world.image, Hints())
     np.testing.assert_allclose(depth.depth, 1.25 * known(world.depth), rtol=1e-6)
@@ -168,12 +163,6 @@ def test_another_photo_is_refused(two):
     # And it does not try to draw one that large.
     large = labels.embed_label(np.zeros((1500, 1900, 3), np.uint8), "hug", 0)
     assert "1900 x 1500 px image is larger than worlds are drawn (2764800 px in all)" in refusal(large)
-
-
-def test_any_world_is_recognised_by_its_label():
-    world = build_world("stand", seed=5, size=(160, 120))
-    assert len(MockSegmenter().infer(world.image)) == 1
-    assert len(MockSegmenter().infer(world.empty_image)) == 0
 
 
 def test_rounding_of_another_machine_is_forgiven(two):

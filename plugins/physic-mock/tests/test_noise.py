@@ -11,22 +11,18 @@ import torch
 from physic_core.adapters.detections import box_iou
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.types import Hints, People
-from physic_mock import NOISE_VERSION
 from physic_mock.backends import (
     MockBodyEstimator,
     MockContactPrior,
-    MockInpainter,
     MockKeypointDetector,
     MockMetricDepth,
-    MockRelativePointmap,
     MockSegmenter,
 )
 from physic_mock.body_noise import BONES, LIMBS, depth_flip, draw_bone_errors
-from physic_mock.depths import MetricDepthOptions, RelativePointmapOptions
+from physic_mock.depths import MetricDepthOptions
 from physic_mock.fill import fill_from_surroundings
 from physic_mock.humans import BodyOptions
 from physic_mock.keypoints import KeypointOptions
-from physic_mock.mask_noise import draw_floor_mask
 from physic_mock.pixels import SegmenterOptions
 from physic_mock.recognition import MockOptions
 from physic_testing.conformance.true_keypoints import world_keypoints
@@ -51,15 +47,6 @@ def bodies_of(world, camera=None, **options):
     keypoints = MockKeypointDetector().infer(world.image, people)
     estimator = MockBodyEstimator(BodyOptions(**options))
     return estimator.infer(world.image, people, camera or world.intrinsics, keypoints, Hints())
-
-
-def test_every_depth_notes_the_noise_version(world):
-    for backend in (
-        MockMetricDepth(MetricDepthOptions(noise=0.5)),
-        MockRelativePointmap(RelativePointmapOptions(noise=0.5)),
-    ):
-        (note,) = backend.infer(world.image, Hints()).notes
-        assert note.endswith(f"errors of noise version {NOISE_VERSION} times 0.5")
 
 
 def test_ragged_masks_stay_near_the_truth():
@@ -174,14 +161,6 @@ def test_a_filled_hole_lies_between_its_surroundings_and_a_ramp_goes_on():
     assert np.array_equal(fill_from_surroundings(ramp, everywhere), ramp)
 
 
-def test_the_hole_is_filled_from_its_surroundings():
-    world = build_world("sit_on_sofa", 0)
-    hole = world.masks.any(0)
-    filled = MockInpainter(MockOptions(noise=1)).infer(world.image, hole)
-    assert np.array_equal(filled[~hole], world.image[~hole])
-    assert np.abs(filled[hole].astype(int) - world.empty_image[hole]).mean() > 3
-
-
 def test_the_metric_scale_follows_the_bodies(world):
     people, bodies = people_of(world), bodies_of(world)
     farther = replace(bodies.parameters, transl=bodies.parameters.transl + 0.1 * world.joints[:, 0])
@@ -227,14 +206,3 @@ def test_children_come_out_as_adults_who_are_farther_away():
     assert child_farther == pytest.approx(np.log(zero) - 0.06, abs=0.03)
     assert adult_taller == pytest.approx(-0.06, abs=0.03)
     assert adult_farther == pytest.approx(-0.06, abs=0.03)
-
-
-def test_errors_of_the_floor_mask_add_and_remove_patches(world):
-    floor = world.empty_floor_mask
-    rough = draw_floor_mask(floor, 0, 8, 1, rng())
-    assert (rough & ~floor).any()
-    assert (floor & ~rough).any()
-    assert (rough & floor).sum() / (rough | floor).sum() > 0.8
-    np.testing.assert_array_equal(draw_floor_mask(floor, 0, 8, 0, rng()), floor)
-    nothing = np.zeros_like(floor)
-    np.testing.assert_array_equal(draw_floor_mask(nothing, 0, 8, 1, rng()), nothing)

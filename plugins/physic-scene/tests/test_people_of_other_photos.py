@@ -49,17 +49,6 @@ def test_a_person_of_other_photos_is_in_the_result(found, others):
     assert note in found.reconstruction.notes
 
 
-def test_only_the_other_photos_show_the_person(found):
-    assert {photo.index for photo in found.photos if 3 in photo.shown} == {0, 1, 2} - {found.reference}
-    for photo in found.photos:
-        if 3 in photo.shown:
-            pelvis = photo.camera.to_camera(found.reconstruction.people[3].joints[:1])
-            x, y, z = (pelvis @ photo.camera.intrinsics.matrix.T)[0]
-            column, line = round(float(x / z)), round(float(y / z))
-            mask = photo.result.people[photo.shown[3]].mask
-            assert mask[max(0, line - 12) : line + 12, max(0, column - 12) : column + 12].any()
-
-
 def test_what_the_reference_does_not_show_is_not_measured(found):
     own = {check.name: check for check in found.reconstruction.checks if check.person == 3}
     assert not own["placed"].failed

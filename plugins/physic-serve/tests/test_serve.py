@@ -125,10 +125,3 @@ def test_a_wrong_option_is_an_error_before_anything_is_loaded():
     done = CliRunner().invoke(main, ["serve", "--preset", "mokc"])
     assert done.exit_code == 2
     assert "mokc" in done.stderr
-
-
-def test_a_file_as_the_folder_is_refused(tmp_path: Path):
-    (tmp_path / "notes").write_text("mine")
-    done = CliRunner().invoke(main, ["serve", "--preset", "mock", "--folder", str(tmp_path / "notes")])
-    assert done.exit_code == 2
-    assert str(tmp_path / "notes") in done.stderr

@@ -132,15 +132,6 @@ def test_contact_less_likely_than_not_is_faint_and_the_page_says_so(standing):
     assert data_of(report_html(standing))["faint"] == ""
 
 
-def test_main_people_are_at_least_half_as_large_as_the_largest(standing):
-    first, second = standing.people
-    box = first.box.copy()
-    box[2:] = box[:2] + 0.4 * (box[2:] - box[:2])
-    assert data_of(report_html(standing))["main"] == [0, 1]
-    small = replace(standing, people=(replace(first, box=box), replace(second, box=first.box)))
-    assert data_of(report_html(small))["main"] == [1]
-
-
 def test_stature_and_distances_are_those_of_the_bodies(standing):
     person, other = data_of(report_html(standing))["people"]
     model = load_body()
