@@ -50,11 +50,7 @@ class Own2(BaseException):
     pass
 
 
-@pytest.mark.parametrize(
-    "error",
-    [SystemExit(0), GeneratorExit(), Own2("x"), RecursionError("deep"), MemoryError()],
-    ids=repr,
-)
+@pytest.mark.parametrize("error", [SystemExit(0), Own2("x"), MemoryError()], ids=repr)
 def test_exceptions_name_the_backend(error: BaseException) -> None:
     def fail(image: Any) -> None:
         raise error

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import struct
 import threading
 from pathlib import Path
 
@@ -41,7 +40,7 @@ def of_bytes(data: bytes) -> str:
 def test_a_block_of_zeros_is_found(kind: str):
     whole = encoded(kind)
     begin = picture_start(whole)
-    for share in (0.1, 0.3, 0.5, 0.7, 0.9):
+    for share in (0.1, 0.5, 0.9):
         data = zeros(whole, begin + int(share * (len(whole) - begin - 5000)))
         assert message_of(data) == of_bytes(data)
 
@@ -74,15 +73,6 @@ def test_an_avif_or_heic_that_is_cut_is_found(kind: str):
     assert read_photo(whole).image.any()
     for at in range(len(whole) // 5, len(whole), 997):
         assert message_of(whole[:at]) == of_bytes(whole[:at])
-
-
-def test_a_small_file_that_claims_a_large_picture_is_refused():
-    file = io.BytesIO()
-    Image.new("RGB", (64, 64), (200, 30, 30)).save(file, "JPEG")
-    data = bytearray(file.getvalue())
-    at = data.index(b"\xff\xc0") + 5
-    data[at : at + 4] = struct.pack(">HH", 4900, 4900)
-    assert message_of(bytes(data)) == of_bytes(data)
 
 
 def test_a_damaged_pillow_image_is_refused():
@@ -119,8 +109,8 @@ def test_oddities_of_cameras_are_no_damage(kind: str, change: str):
     np.testing.assert_array_equal(read_photo(data).image, pixels(kind))
 
 
-@pytest.mark.parametrize("mode", ["RGB", "L", "CMYK"])
-@pytest.mark.parametrize("options", [{}, {"optimize": True}, {"progressive": True}, {"quality": 5}], ids=str)
+@pytest.mark.parametrize("mode", ["RGB", "CMYK"])
+@pytest.mark.parametrize("options", [{"optimize": True}, {"progressive": True, "quality": 5}], ids=str)
 def test_one_colour_is_no_damage(mode: str, options: dict):
     """Large plain areas give long runs of zeros."""
     file = io.BytesIO()
@@ -154,7 +144,7 @@ SWITCHES = [(ImageFile, "LOAD_TRUNCATED_IMAGES", True), (Image, "MAX_IMAGE_PIXEL
 
 
 @pytest.mark.parametrize(("module", "name", "value"), SWITCHES, ids=lambda part: str(part)[:40])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ["baseline", "png"])
 def test_switches_of_pillow_change_nothing(kind: str, module, name: str, value, monkeypatch: pytest.MonkeyPatch):
     expected, data = pixels(kind), cut(encoded(kind), len(encoded(kind)) // 2)
     monkeypatch.setattr(module, name, value)

@@ -11,6 +11,8 @@ import pytest
 
 from physic_core.configuration import model as config
 
+pytestmark = pytest.mark.usefixtures("few_steps")
+
 ROOT = Path(__file__).parents[2]
 NOTEBOOKS = sorted(ROOT.glob("docs/notebooks/*.ipynb"))
 
