@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,10 @@ from typing import Any
 from physic_core.batch.journal import THUMBNAIL, Journal, read_journals
 from physic_core.batch.photos import PhotoItem, photo_folder
 from physic_core.batch.process import BatchJob, PhotoProcessor, failed_row
-from physic_core.batch.workers import WorkerSettings, run_in_workers
+from physic_core.batch.workers import WorkerSettings, default_workers, run_in_workers
+from physic_core.discovery.catalog import EXECUTORS
+from physic_core.discovery.plugins import find_item, import_item
+from physic_core.errors import ConfigError, PluginError
 from physic_core.files.atomic import check_writable
 from physic_core.io.result_folder import ARRAYS_FILE, file_digest, run_of_result
 
@@ -105,7 +108,7 @@ def run_batch(
     Args:
         items: photos to do, such as ``plan_batch(...).todo``.
         job: of the batch.
-        executor: such as ``open_executor("local", settings)`` of :mod:`physic_core.batch.executors`.
+        executor: such as ``open_executor("local", settings)`` of :mod:`physic_core.batch.run`.
         journal: file in the output folder, called ``journal*.jsonl``.
         on_row: called after each row.
 
@@ -173,3 +176,53 @@ def _sizes(row: Mapping[str, Any]) -> dict[str, int]:
     """Return name -> bytes of the files in a photo's folder that its row of the journal states."""
     pairs = (text.rpartition("=") for text in str(row.get("files", "")).split())
     return {name: int(size) for name, _, size in pairs if name != THUMBNAIL}
+
+
+_LOCAL = "local"
+
+
+@dataclass(frozen=True)
+class ExecutorSettings:
+    """How an executor runs the photos of a batch.
+
+    Attributes:
+        workers: number of processes or actors; None lets the executor choose.
+        timeout: longest time of one photo, s; None for no limit.
+        logs: folder for what the workers print; None for none.
+        address: of a running cluster; None for none, or for what the executor starts itself.
+        options: further settings of the executor, as text.
+    """
+
+    workers: int | None = None
+    timeout: float | None = None
+    logs: Path | None = None
+    address: str | None = None
+    options: Mapping[str, str] = field(default_factory=dict)
+
+
+def open_executor(name: str, settings: ExecutorSettings) -> Executor:
+    """Return the executor of a name: "local", or one that a plugin offers.
+
+    Raises:
+        ConfigError: there is no such executor, or it does not have one of the settings.
+        PluginError: it cannot be imported, or returns no function.
+    """
+    if name == _LOCAL:
+        return _local(settings)
+    found = find_item("physic_executors", name, "executor", own=_LOCAL, known=EXECUTORS)
+    executor: Executor = import_item(found, "executor")(settings)
+    if not callable(executor):
+        raise PluginError(f"the executor '{name}' should return a function, got {type(executor).__name__}")
+    return executor
+
+
+def _local(settings: ExecutorSettings) -> Executor:
+    if settings.address is not None or settings.options:
+        option = "--executor-set" if settings.address is None else "--address"
+        raise ConfigError(f"{option} is for clusters; the executor 'local' uses this machine (see --executor)")
+
+    def run(items: Iterable[PhotoItem], job: BatchJob) -> Generator[dict[str, Any], None, None]:
+        count = settings.workers or partial(default_workers, device=job.config.run.device)
+        return run_locally(items, job, WorkerSettings(count, settings.timeout, settings.logs))
+
+    return run

@@ -125,7 +125,7 @@ def _executor(logs: Path, options: Mapping[str, Any]) -> Executor:
     Raises:
         ConfigError: the executor does not have one of the options.
     """
-    from physic_core.batch.executors import ExecutorSettings, open_executor
+    from physic_core.batch.run import ExecutorSettings, open_executor
 
     given = {}
     for text in options["executor_set"]:

@@ -111,7 +111,7 @@ def physic_exporters() -> Sequence[ExporterRecord]:  # type: ignore[empty-body]
 def physic_executors() -> Sequence[PluginItem]:  # type: ignore[empty-body]
     """Return the executors that this plugin adds to ``physic batch --executor``.
 
-    Each target is a function that gets :class:`physic_core.batch.executors.ExecutorSettings` and returns an
+    Each target is a function that gets :class:`physic_core.batch.run.ExecutorSettings` and returns an
     :data:`physic_core.batch.run.Executor`.
     """
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from physic_core.batch.executors import ExecutorSettings, open_executor
+from physic_core.batch.run import ExecutorSettings, open_executor
 from physic_core.cli import main
 from physic_core.errors import ConfigError, PluginError
 

@@ -10,9 +10,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from physic_core.batch.executors import ExecutorSettings
 from physic_core.batch.photos import PhotoItem
 from physic_core.batch.process import BatchJob
+from physic_core.batch.run import ExecutorSettings
 from physic_core.batch.workers import LOAD_LIMIT_S, error_named
 from physic_core.errors import BackendError, ConfigError
 from physic_ray.cluster import connected
@@ -30,7 +30,7 @@ _MAX_BLOCKS = 20_000  # tasks of Ray: some milliseconds and kilobytes of the dri
 
 
 def ray_executor(settings: ExecutorSettings) -> Executor:
-    """Return the executor; see :class:`physic_core.batch.executors.ExecutorSettings`.
+    """Return the executor; see :class:`physic_core.batch.run.ExecutorSettings`.
 
     The options are the attributes of :class:`physic_ray.resources.Resources`.
 

@@ -19,6 +19,8 @@ class Result:
     """What the processor reads of a reconstruction; its numbers depend on the photo alone."""
 
     checks = ()
+    people = ()
+    distance_sigmas = ()
     grade = "good"
 
     def __init__(self, path: str) -> None:

@@ -14,11 +14,10 @@ from typing import Any
 
 import pytest
 
-from physic_core.batch.executors import ExecutorSettings
 from physic_core.batch.journal import COLUMNS, read_journals
 from physic_core.batch.photos import list_photos
 from physic_core.batch.process import BatchJob
-from physic_core.batch.run import plan_batch, run_batch, run_locally
+from physic_core.batch.run import ExecutorSettings, plan_batch, run_batch, run_locally
 from physic_core.batch.workers import WorkerSettings
 from physic_core.configuration.model import load_config
 from physic_core.errors import BackendError, ConfigError, OutputError, PhysicError

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from physic_core.batch.executors import ExecutorSettings
 from physic_core.batch.process import BatchJob
+from physic_core.batch.run import ExecutorSettings
 from physic_core.configuration.model import load_config
 from physic_core.errors import ConfigError
 from physic_ray.executor import ray_executor

@@ -188,7 +188,7 @@ def _config(given: _Given) -> Config:
     Raises:
         PhysicError: it is invalid, or files that it needs are missing.
     """
-    from physic_core.batch.settings import batch_config
+    from physic_core.batch.process import batch_config
     from physic_core.configuration.resolve import load_checked_config, require_available, resolve
 
     config = load_checked_config(given.config, preset=given.preset, overrides=given.overrides)
