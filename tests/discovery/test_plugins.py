@@ -9,6 +9,7 @@ from click.testing import CliRunner
 
 from physic_core import engine_preset_names, list_backends
 from physic_core.cli import main
+from physic_core.discovery.catalog import COMMANDS, ENGINE_PRESETS, EXECUTORS, EXPORTERS
 from physic_core.discovery.plugins import broken_plugins, find_items
 from physic_core.weights.library import read_library
 
@@ -57,6 +58,20 @@ def test_each_broken_plugin_is_a_row_with_its_cause_and_the_others_are_found(sit
     assert done.exit_code == 0
     assert [line for line in done.stdout.splitlines() if line.startswith("BROKEN: physic-c 1.0 (SystemExit: 3")]
     assert CliRunner().invoke(main, ["--help"]).exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("hook", "known"),
+    [
+        ("physic_commands", COMMANDS),
+        ("physic_engine_presets", ENGINE_PRESETS),
+        ("physic_executors", EXECUTORS),
+        ("physic_exporters", EXPORTERS),
+    ],
+)
+def test_the_catalog_says_what_the_plugins_of_the_project_add(hook: str, known: dict[str, str]):
+    added = {found.record.name: found.distribution for found in find_items(hook)}
+    assert {name: owner for name, owner in known.items() if owner in added.values()} == added
 
 
 def test_a_hook_that_fails_takes_no_other_hook_of_its_plugin_away(site):
