@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.body.posture import standing_legs
 from physic_core.engine.sizes.evidence import CONTRADICTION
 from physic_core.engine.sizes.people_in_scene import size_beside_others
 from physic_core.engine.sizes.stature import STATURES_M, stature_sigmas
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from physic_core.engine.placement.solve import EstimatedBodies, PlacedPeople
     from physic_core.engine.scene.solve import SceneState
     from physic_core.engine.sizes.known_sizes import KnownGeometry, KnownScene
-    from physic_core.engine.stance import Stance
     from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.solution import Solution
     from physic_core.types import FloatArray, KnownSizes
@@ -114,19 +114,20 @@ def compare_sizes(
     """
     warnings, measured = contradictions(estimates.known, scene, problem, result)
     given = KnownPeople(estimates.ages, estimates.statures)
-    sizes = _compare_statures(given, problem, result, _growth_to_floor(estimates.stance, solution), is_sized=is_sized)
+    sizes = _compare_statures(given, problem, result, _growth_to_floor(solution), is_sized=is_sized)
     people = tuple({**own, **size} for own, size in zip(solution.people, sizes, strict=True))
     return warnings, replace(solution, people=people, diagnostics={**solution.diagnostics, **measured})
 
 
-def _growth_to_floor(stance: Stance, solution: Solution) -> FloatArray:
+def _growth_to_floor(solution: Solution) -> FloatArray:
     """Return the log factor (N,) by which people who stand off the floor must grow to stand on it; 0 for others."""
     found, floor = np.zeros(len(solution.people)), solution.scene.floor
-    for i, (report, stands) in enumerate(zip(solution.people, stance.stands_on_both_feet, strict=True)):
+    for i, report in enumerate(solution.people):
         height = report.get("sole_height_m")
         if floor is None or height is None or abs(height) <= CHECKS["sole_height"].threshold:
             continue
-        if stands:
+        # Not the stance: a body of a wrong size is placed where it seems not to stand.
+        if standing_legs(solution.joints[i]).all():
             # A person grows about the camera; a height near the camera's would need an infinite factor.
             found[i] = -math.log1p(-min(height / floor.offset, 0.9))
     return found
