@@ -16,9 +16,9 @@ from physic_core.types.bounds import NotNegative
 class StatureSettings:
     """Settings of the stature term: deviation of each person's height from the estimated height."""
 
-    weight: NotNegative = 1.0
+    weight: NotNegative = 20.0
     """Weight; with that of the scene's scale, it splits size disagreements between people and scene; 0 removes
-    the term."""
+    the term. It is that of stated rotations: bodies whose joints hardly bend must not change their size instead."""
 
 
 class StatureTerm(Term):
