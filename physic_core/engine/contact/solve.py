@@ -77,7 +77,8 @@ def _with_hidden(given: ContactInput, touch: Touch, carried: tuple[PersonSupport
         kind[i, one.hidden] = torch.where(one.seat[one.hidden], HIDDEN_SEAT, HIDDEN)
         if probability is not None:
             least = LEAST_PROBABILITY * one.hidden.to(probability)
-            least[one.seat] = touch.parts[SEAT][i]
+            if touch.parts:
+                least[one.seat] = touch.parts[SEAT][i]
             probability[i] = probability[i].maximum(least)
             for name, chosen in vertices.items():
                 likely[name][i] = likely[name][i].clamp(min=float(least[chosen].max()))
