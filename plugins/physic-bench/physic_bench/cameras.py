@@ -11,8 +11,6 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_bench.contract import BenchPerson
-
     Array = NDArray[np.float64]
     Picture = NDArray[np.uint8]
 
@@ -90,12 +88,6 @@ def undistorted(picture: Picture, K: Array, distortion: Array) -> Picture:
 
     straight: Picture = cv2.undistort(picture, K, np.asarray(distortion, np.float64))
     return straight
-
-
-def body_box(person: BenchPerson, K: Array) -> Array | None:
-    """Return the box (4,) px around a projected body, or around its joints; None if most of it is unknown."""
-    points = person.joints if person.vertices is None else person.vertices
-    return None if points is None else box_of_points(project(np.asarray(points, np.float64), K))
 
 
 def project(points: Array, K: Array) -> Array:

@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_bench.cameras import body_box
 from physic_bench.readers import LAYOUTS, READERS
 from physic_bench.reading import DamagedFrameError, picture_file
-from physic_bench.scoring import score_frame
+from physic_bench.scoring import body_box, score_frame
 from physic_core.adapters.detections import box_iou
 from physic_core.errors import InputError, PhysicError
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_bench.cameras import body_box
+from physic_bench.cameras import box_of_points, project
 from physic_bench.figures import Column, contact_columns, mean_column
 from physic_bench.joints import LIMB_JOINTS
 from physic_bench.scene_surface import SceneIndex, contact_by_rule
@@ -271,3 +271,9 @@ def _index_of(scene: Surface) -> SceneIndex:
 def _graph_of(files: BodyFiles, topology: str) -> csr_array | None:
     rest = files.rest(topology)
     return None if rest is None else surface_graph(rest.vertices, rest.faces)
+
+
+def body_box(person: BenchPerson, K: Array) -> Array | None:
+    """Return the box (4,) px around a projected body, or around its joints; None if most of it is unknown."""
+    points = person.joints if person.vertices is None else person.vertices
+    return None if points is None else box_of_points(project(np.asarray(points, np.float64), K))
