@@ -2,6 +2,7 @@
 
     python -m benchmarks.contact_on_photos sample DATA OUT [--films N]
     python -m benchmarks.contact_on_photos fit DATA OUT [--write]
+    python -m benchmarks.contact_on_photos cut DATA OUT [--photos N]
 
 ``sample`` runs the embedded preset on the labelled photos of DATA/contact and DATA/photos, and on N frames of each of
 the films of fits, and keeps the features of each person in a file of OUT; an interrupted run continues. ``fit`` prints
@@ -9,6 +10,11 @@ the scores of both halves of the photos, and with ``--write`` writes ``physic_co
 Half "development" chose the features: each of its pictures is scored by a fit to the others of the half. Half "held" is
 scored by a fit to half "development". A picture that stands in two sets is in one half. Photos of sport with walls and
 rails are also scored apart.
+
+A part that no pixel shows has a base rate. It is made by cutting people in sight between shoulders and hips, hips and
+knees, and knees and ankles: the parts below are as labelled. Of parts that need a keypoint to be below the cut, ``fit``
+takes the keypoints of the whole picture. ``cut`` runs the preset on the cropped pictures of N photos of half "held",
+and prints the scores of the parts that the crops removed.
 
 The labels of DATA/photos lie beside the benchmark: two readers labelled them apart, from the pictures alone. A frame of
 a film counts half, since the frames of a film are not independent, and never for hands: people in these films hang on
@@ -66,8 +72,17 @@ PARTS: dict[str, tuple[str, ...]] = {
     "hand": ("distance", "depth beside"),
     "seat": ("distance", "depth beside", "bend at the hips"),
     "other": ("distance",),
+    "unseen foot": (),
+    "unseen hand": (),
+    "unseen seat": (),
 }
 """Kind of part -> its features, see :func:`physic_core.engine.contact.parts.part_features`."""
+
+CUTS = (("knee", "ankle"), ("hip", "knee"), ("shoulder", "hip"))
+"""Joints above and below each cut."""
+
+ENDS = {"foot": "ankle", "hand": "wrist", "seat": "knee"}
+"""Label of a part without its side -> the joint below the cut, without which nothing shows the part."""
 
 
 @dataclass(frozen=True)
@@ -95,14 +110,15 @@ class Case:
 
 
 def main() -> int:
-    """Sample or fit."""
+    """Sample, fit, or score cut pictures."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.contact_on_photos", description=(__doc__ or "").partition("\n")[0]
     )
-    parser.add_argument("step", choices=("sample", "fit"))
+    parser.add_argument("step", choices=("sample", "fit", "cut"))
     parser.add_argument("data", type=Path, help="folder with contact, photos and truth")
     parser.add_argument("out", type=Path)
     parser.add_argument("--films", type=int, default=6, metavar="N", help="frames of each film")
+    parser.add_argument("--photos", type=int, default=15, metavar="N", help="photos that are cut")
     parser.add_argument("--write", action="store_true", help="write the fitted file")
     given = parser.parse_args()
     samples = samples_of(given.data, given.films)
@@ -112,6 +128,9 @@ def main() -> int:
         with Pipeline(load_config(preset="embedded")) as pipeline:
             for sample in samples:
                 keep_features(sample, pipeline, given.out)
+        return 0
+    if given.step == "cut":
+        cut_pictures(samples, given.out, given.photos)
         return 0
     fit_all(cases_of(samples, given.out), write=given.write)
     return 0
@@ -160,13 +179,16 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
             print(f"{sample.set} {sample.name}: {error}", file=sys.stderr)
     people: list[dict[str, Any]] = []
     height, width = picture_of(sample).shape[:2]
+    joints = {f"{side}_{one}" for side in ("left", "right") for one in ("shoulder", "hip", "knee", "ankle", "wrist")}
     for e in estimates if kept else ():
+        rows = {name: j for j, name in enumerate(e.keypoints.joint_set.names) if name in joints}
         factor = width / e.image.shape[1], height / e.image.shape[0]
         for i, box in enumerate(np.asarray(e.people.boxes, np.float64)):
             people.append(
                 {
                     "box": (box * np.tile(factor, 2)).tolist(),
                     "parts": {part: {k: v[i] for k, v in each.items()} for part, each in kept[0].items()},
+                    "y": {name: float(e.keypoints.points[i, j, 1] * factor[1]) for name, j in rows.items()},
                     "lower": np.nan_to_num(e.stance.lower[i]).tolist(),
                 }
             )
@@ -195,7 +217,75 @@ def cases_of(samples: Sequence[Sample], out: Path) -> list[Case]:
                 if kind == "foot":
                     lower = {"lower than the other foot": one["lower"][part.startswith("right")]}
                     cases.append(replace(case, kind="foot in the picture", features={**case.features, **lower}))
+            cases += [] if sample.frame is not None else cut_cases(picture_name(sample), one, judged)
     return cases
+
+
+def cut_cases(picture: str, one: Mapping[str, Any], judged: Mapping[str, bool]) -> list[Case]:
+    """Return the judged parts of a person that cuts remove."""
+    cases = []
+    for row in cut_rows(one["y"]).values():
+        for part, touches in removed_parts(one["y"], judged, row).items():
+            cases.append(Case(picture, f"unseen {part.rpartition('_')[2]}", {}, touches, 1.0))
+    return cases
+
+
+def cut_rows(y: Mapping[str, float]) -> dict[str, float]:
+    """Return joint above the cut -> row between these joints and those below, px, where they are in this order."""
+    found = {}
+    for above, below in CUTS if y else ():
+        upper, lower = ([y[f"{side}_{joint}"] for side in ("left", "right")] for joint in (above, below))
+        if max(upper) < min(lower):
+            found[above] = (max(upper) + min(lower)) / 2
+    return found
+
+
+def removed_parts(y: Mapping[str, float], judged: Mapping[str, bool], row: float) -> dict[str, bool]:
+    """Return the judged feet, hands and seat whose ends are below a row: part -> whether it touches the world."""
+    found = {}
+    for part, touches in judged.items():
+        side, _, kind = part.rpartition("_")
+        ends = [y[f"{one}_{ENDS[kind]}"] for one in ([side] if side else ["left", "right"])] if kind in ENDS else [0.0]
+        if min(ends) > row:
+            found[part] = touches
+    return found
+
+
+def cut_pictures(samples: Sequence[Sample], out: Path, count: int) -> None:
+    """Print the scores of the parts that are removed from the largest person of photos of half "held"."""
+    import cv2
+
+    from physic_core import Pipeline, load_config
+    from physic_core.errors import PhysicError
+
+    photos = [s for s in samples if s.frame is None and _digest(picture_name(s)) % 2 == 1]
+    rows: dict[str, list[tuple[float, bool]]] = {}
+    with Pipeline(load_config(preset="embedded")) as pipeline:
+        for sample in sorted(photos, key=lambda s: _digest(s.name + "cut"))[:count]:
+            people = judged_parts(sample, json.loads((out / f"{sample.set}-{sample.name}.json").read_text()))
+            if not people:
+                continue
+            one, judged = max(people, key=lambda found: found[0]["box"][3] - found[0]["box"][1])
+            for above, row in cut_rows(one["y"]).items():
+                picture = cv2.cvtColor(picture_of(sample), cv2.COLOR_BGR2RGB)[: round(row)]
+                try:
+                    result = pipeline(np.ascontiguousarray(picture))
+                except PhysicError as error:
+                    print(f"{sample.name} {above}: {error}", file=sys.stderr)
+                    continue
+                box = [*one["box"][:3], min(one["box"][3], row)]
+                boxes = [person.box.tolist() for person in result.people]
+                matched = match_by_boxes(boxes, [box], MIN_IOU).predicted_of
+                found = result.people[matched[0]] if 0 in matched else None
+                if found is None or found.world_contact is None:
+                    continue
+                for part, touches in removed_parts(one["y"], judged, row).items():
+                    listed = [str(c) for c in found.contacts if c.part == part or (part == "seat" and "leg" in c.part)]
+                    print(sample.name, above, part, touches, f"{found.world_contact[part]:.3f}", *listed, flush=True)
+                    rows.setdefault(part.rpartition("_")[2], []).append((found.world_contact[part], touches))
+    for kind, scored in rows.items():
+        likely, touches = zip(*scored, strict=True)
+        print(kind, len(scored), {name: round(value, 3) for name, value in probability_scores(likely, touches).items()})
 
 
 def picture_name(sample: Sample) -> str:
@@ -309,7 +399,8 @@ def described(rows: Sequence[tuple[Case, float]]) -> str:
     return (
         f"{len(rows)} judged, {touches.sum()} touch: AUC {score['auc']:.3f}, balanced {score['balanced']:.2f}, recall "
         f"{score['recall']:.2f}, false {1 - score['specificity']:.2f}, skill "
-        f"{1 - score['brier'] / score['constant']:.2f}, recall {recall:.2f} where {FALSE_SHARE:.0%} are false"
+        f"{1 - score['brier'] / score['constant']:.2f}, recall {recall:.2f} where {FALSE_SHARE:.0%} are false, "
+        f"calibration error {score['calibration']:.3f}"
     )
 
 

@@ -105,7 +105,12 @@ def _document(result: Reconstruction, nearest: float | None) -> dict[str, Any]:
             "grade": person.grade,
             "distance_m": pelvis_distance_m(person),
             "contacts": [
-                {"part": one.part, "touches": one.partner.title, "probability": one.probability}
+                {
+                    "part": one.part,
+                    "touches": one.partner.title,
+                    "probability": one.probability,
+                    "assumed": one.assumed,
+                }
                 for one in person.contacts
             ],
         }

@@ -18,6 +18,7 @@ from physic_core.files.plain import split
 from physic_core.io.result_folder import DOCUMENT_FILE, REPORT_FILE
 from physic_core.io.result_record import PersonRecord, ResultRecord, read_record
 from physic_core.types import CheckResult, summarize_checks
+from physic_core.types.contacts import part_words
 from physic_core.types.metres_text import metres_text
 
 _HEAD = ("person", "grade", "distance", "likely contact", "why")
@@ -143,7 +144,7 @@ def _row(person: PersonRecord, record: ResultRecord) -> tuple[str, ...]:
 
 
 def _contact(person: PersonRecord) -> str:
-    """Return the shares of the body that probably touch each thing: "12 % floor, 3 % person 1".
+    """Return the shares of the body that probably touch each thing: "12 % floor, 3 % person 1; assumed: left foot".
 
     For a result that does not state what is touched: "12 % of the body".
     """
@@ -154,10 +155,12 @@ def _contact(person: PersonRecord) -> str:
         return f"{percent * person.contact_count:.0f} % of the body"
     shares = defaultdict[str, float](float)
     for one in person.contacts:
-        if one.likely and one.partner.kind != "self":
+        if one.likely and not one.assumed and one.partner.kind != "self":
             partner = one.partner
             shares[partner.title if partner.person is None else f"person {partner.person}"] += percent * one.vertices
-    return ", ".join(f"{share:.0f} % {name}" for name, share in shares.items()) or "none"
+    unseen = dict.fromkeys(part_words(one.part) for one in person.contacts if one.likely and one.assumed)
+    found = ", ".join(f"{share:.0f} % {name}" for name, share in shares.items()) or "none"
+    return f"{found}; assumed: {', '.join(unseen)}" if unseen else found
 
 
 def _reason(person: PersonRecord, checks: Sequence[CheckResult]) -> str:

@@ -46,7 +46,7 @@ def touch_log_odds(kind: str, features: Mapping[str, Values]) -> Values:
 
 @cache
 def touch_model() -> Mapping[str, Mapping[str, float]]:
-    """Return kind of part -> "constant" and names of features -> weight."""
+    """Return kind of part -> "constant" and names of features -> weight; "unseen foot" and others have no features."""
     text = (files("physic_core.engine") / "touch.json").read_text(encoding="utf-8")
     parts: Mapping[str, Mapping[str, float]] = json.loads(text)["parts"]
     return parts

@@ -19,7 +19,9 @@ from physic_core.engine.placement.human_points import PhotoPoints
 from physic_core.engine.placement.solve import EstimatedBodies, PlacementInput
 from physic_core.engine.scene.camera import Cameras
 from physic_core.engine.scene.solve import SceneInput
+from physic_core.geometry.camera import project
 from physic_core.geometry.tensors import optional_tensors, select_pixels, tensors
+from physic_core.geometry.visibility import inside_mask
 from physic_core.pipeline.floor_and_scale import floor_evidence
 from physic_core.pipeline.person_measures import depth_ratios
 from physic_core.types.short_repr import ShortRepr
@@ -233,6 +235,7 @@ def contact_input(
         free=method.free_vertices(problem, vertices, s),
         objects=None if objects is None else _held_objects(problem, result, objects),
         stance=given.stance,
+        in_mask=inside_mask(project(vertices, problem.K), problem.masks),
     )
 
 

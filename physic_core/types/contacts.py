@@ -63,6 +63,8 @@ class BodyContact:
         vertices: number of vertices in contact.
         dent_m: how deep the part presses into a surface that gives way, such as a bed: the 0.9 quantile over the
             vertices in contact, metres. None where nothing gives way.
+        assumed: whether no pixel shows the part. The probability is then how often such parts touch something, and what
+            this part touches is a guess.
     """
 
     part: str
@@ -70,6 +72,7 @@ class BodyContact:
     probability: float | None
     vertices: int
     dent_m: float | None = None
+    assumed: bool = False
 
     @property
     def likely(self) -> bool:
@@ -78,4 +81,4 @@ class BodyContact:
 
     def __str__(self) -> str:
         sure = "" if self.probability is None else f", {self.probability:.2f}"
-        return f"{part_words(self.part)}: {self.partner.title}{sure}"
+        return f"{part_words(self.part)}: {self.partner.title}{sure}{', assumed' if self.assumed else ''}"

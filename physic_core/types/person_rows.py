@@ -25,6 +25,7 @@ PERSON_COLUMNS: Mapping[str, str] = {
     "stature_m": "standing height of the body; empty without a body",
     "stature_sigma_m": "standard deviation of the stature, in which people of unknown age may be children",
     "contacts": "body parts that are likely (one half or more) to touch something, each with what it touches",
+    "assumed": "likely contacts of body parts that no pixel shows, not among the others",
 }
 """Columns of ``people.csv``."""
 
@@ -45,12 +46,16 @@ def person_rows(result: Reconstruction) -> list[dict[str, Any]]:
                 "distance_sigma_m": _millimetres(_times(distance, sigma)),
                 "stature_m": _millimetres(person.stature),
                 "stature_sigma_m": _millimetres(_times(person.stature, person.stature_sigma)),
-                "contacts": "; ".join(
-                    f"{part_words(one.part)}: {one.partner.title}" for one in person.contacts if one.likely
-                ),
+                "contacts": _contacts(person, assumed=False),
+                "assumed": _contacts(person, assumed=True),
             }
         )
     return rows
+
+
+def _contacts(person: Person, *, assumed: bool) -> str:
+    chosen = (one for one in person.contacts if one.likely and one.assumed == assumed)
+    return "; ".join(f"{part_words(one.part)}: {one.partner.title}" for one in chosen)
 
 
 def _why(person: Person, checks: Sequence[CheckResult]) -> str:

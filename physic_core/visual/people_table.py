@@ -111,11 +111,14 @@ def _cells(reconstruction: Reconstruction, index: int, touch_px: float, why_px: 
     """Return the lines of grade, distance, contact and reasons, each with its colour."""
     person = reconstruction.people[index]
     distance, sigma = float(np.linalg.norm(person.joints[0])), reconstruction.distance_sigmas[index]
-    likely = "; ".join(str(contact) for contact in person.contacts if contact.likely)
+    likely = "; ".join(str(contact) for contact in person.contacts if contact.likely and not contact.assumed)
+    assumed = "; ".join(str(contact) for contact in person.contacts if contact.likely and contact.assumed)
     possible = "; ".join(str(contact) for contact in person.contacts if not contact.likely)
     touches: list[Line] = []
     if likely:
         touches.append((likely, INK_RGB))
+    if assumed:
+        touches.append((assumed, SOFT_RGB))
     if possible:
         touches.append((f"possible: {possible}", SOFT_RGB))
     if not touches:

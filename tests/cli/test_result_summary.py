@@ -36,6 +36,7 @@ def record(make: Callable[..., Reconstruction], tmp_path: Path) -> ResultRecord:
                 *feet,
                 BodyContact("right_hand", own, 0.8, 9),
                 BodyContact("left_hand", ContactPartner("person", person=1, part="right_hand"), 0.4, 9),
+                BodyContact("left_lower_leg", floor, 0.8, 9, assumed=True),
             ),
             contact=np.arange(vertices) < vertices / 4,
             joints=np.broadcast_to([0.0, 1.8, 2.4], first.joints.shape),
@@ -64,11 +65,12 @@ def record(make: Callable[..., Reconstruction], tmp_path: Path) -> ResultRecord:
 
 def test_a_person_is_a_row(record: ResultRecord):
     assert summary_text(record, Path("out")).splitlines()[1:6] == [
-        "person  grade     distance      likely contact  why",
-        "0       good      3.0 ± 0.2 m   51 % floor      balanced: left foot on floor, right foot on floor",
-        "1       doubtful  12.5 ± 0.9 m  none            Limbs off their keypoints: 4.5 % (limit 3.5 %); "
-        "Lean angle: 50 % (limit 3.5 %)",
-        "2       bad       -             -               not measured: Supported",
+        "person  grade     distance      likely contact                       why",
+        "0       good      3.0 ± 0.2 m   51 % floor; assumed: left lower leg  balanced: left foot on floor, "
+        "right foot on floor",
+        "1       doubtful  12.5 ± 0.9 m  none                                 Limbs off their keypoints: 4.5 % "
+        "(limit 3.5 %); Lean angle: 50 % (limit 3.5 %)",
+        "2       bad       -             -                                    not measured: Supported",
         "no body: only a hand is seen, box 1, 2, 30, 40, score 0.50",
     ]
 

@@ -103,3 +103,44 @@ def test_a_result_has_the_probability_of_each_part_listed_or_not(body, make_stag
     assert {one.partner for one in found.contacts[0]} == {ContactPartner("hidden", "seat")}
     assert LEAST_PROBABILITY <= float(found.parts["seat"]) < 1
     assert all(float(found.parts[f"{side}_hand"]) < LEAST_PROBABILITY for side in SIDES)
+
+
+def cut_at_the_knees(given):
+    """The same person, of whom a picture shows nothing below the hips but hands."""
+    observed = given.observed.clone()
+    observed[:, [JOINT_INDEX[f"{side}_{joint}"] for side in SIDES for joint in ("knee", "ankle", "foot")]] = False
+    legs = given.part("leg", "foot") | scene_parts_of_body(given.model)["seat"]
+    return replace(given, observed=observed, in_mask=~legs[None])
+
+
+def test_limbs_that_no_pixel_shows_have_the_base_rate_wherever_they_are(person):
+    cut, apart = cut_at_the_knees(person), cut_at_the_knees(raised(person, 0.1))
+    found, seen = touch(cut)[1], touch(person)[1]
+    assert {name: found[name] for name in ("left_foot", "seat")} == {
+        name: touch(apart)[1][name] for name in ("left_foot", "seat")
+    }
+    assert found["left_foot"] == found["right_foot"] != seen["left_foot"]
+    assert 0.5 < found["left_foot"] < 0.95
+    assert found["seat"] < LEAST_PROBABILITY
+    assert found["left_hand"] == seen["left_hand"]
+    shown = replace(cut, in_mask=torch.ones_like(cut.in_mask))
+    assert touch(shown)[1] == seen
+
+
+def test_contacts_of_limbs_that_no_pixel_shows_are_listed_as_assumed(person):
+    measured, cut = solve_contact(person, METHOD), solve_contact(cut_at_the_knees(person), METHOD)
+    assert {one.part for one in measured.contacts[0]} >= {"left_foot", "right_foot"}
+    assert not any(one.assumed for one in measured.contacts[0])
+    feet = [one for one in cut.contacts[0] if one.part.endswith("foot")]
+    assert len(feet) == 2
+    assert all(one.assumed for one in feet)
+    assert [one.probability for one in feet] == pytest.approx([float(cut.parts["left_foot"][0])] * 2, abs=1e-4)
+    vertices = cut.probability[0, scene_parts_of_body(person.model)["left_foot"]]
+    assert vertices.max() <= cut.parts["left_foot"][0] + 0.02
+
+
+def test_unseen_hands_hold_nothing(person):
+    observed = person.observed.clone()
+    observed[:, [JOINT_INDEX[f"{side}_wrist"] for side in SIDES]] = False
+    gone = replace(person, observed=observed, in_mask=torch.zeros_like(person.prior, dtype=torch.bool))
+    assert all(float(solve_contact(gone, METHOD).parts[f"{side}_hand"][0]) < LEAST_PROBABILITY for side in SIDES)

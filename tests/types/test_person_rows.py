@@ -28,7 +28,11 @@ def two_people(reconstruction: Reconstruction) -> Reconstruction:
         joints=np.broadcast_to([0.0, 1.8, 2.4], near.joints.shape),
         stature=1.7234,
         stature_sigma=0.05,
-        contacts=(*contacts, BodyContact("right_foot", floor, 0.49, 20)),
+        contacts=(
+            *contacts,
+            BodyContact("right_foot", floor, 0.49, 20),
+            BodyContact("left_lower_leg", floor, 0.8, 9, assumed=True),
+        ),
     )
     far = replace(
         far,
@@ -55,6 +59,7 @@ def test_a_row_says_where_a_person_is_and_what_is_known(two_people: Reconstructi
             "stature_m": 1.723,
             "stature_sigma_m": 0.086,
             "contacts": "left foot: floor; buttocks: left hand of person 1",
+            "assumed": "left lower leg: floor",
         },
         {
             "person": 1,
@@ -66,6 +71,7 @@ def test_a_row_says_where_a_person_is_and_what_is_known(two_people: Reconstructi
             "stature_m": None,
             "stature_sigma_m": None,
             "contacts": "",
+            "assumed": "",
         },
     ]
     assert all(["photo", *row] == list(PERSON_COLUMNS) for row in person_rows(two_people))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import torch
 from torch import Tensor
@@ -121,6 +122,7 @@ def body_contacts(
     regions: ContactRegions,
     model: ContactModel | None = None,
     *,
+    assumed: Mapping[str, float] = MappingProxyType({}),
     least: float = 0.0,
 ) -> tuple[BodyContact, ...]:
     """List the contacts of one person by body part, most probable first.
@@ -134,6 +136,8 @@ def body_contacts(
         regions: body parts.
         model: gives the probability that a part touches skin or an object; None leaves all probabilities undefined.
             That of contact with scene and floor is the mean of the ten most probable vertices.
+        assumed: body parts that no pixel shows -> their probability of contact with scene and floor. Their contacts
+            with skin and objects are not listed.
         least: minimum probability of a listed part.
     """
     touching = person.index >= 0
@@ -142,14 +146,18 @@ def body_contacts(
     for value, count in zip(*(x.tolist() for x in torch.unique(code[touching], return_counts=True)), strict=True):
         if count < _MIN_VERTICES:
             continue
-        partner, part = divmod(value, len(regions.names))
-        here, sure = touching & (code == value), None
+        partner, number = divmod(value, len(regions.names))
+        part, here, sure = regions.names[number], touching & (code == value), None
+        on_skin = table[partner].kind in ("person", "self", "object")
+        if on_skin and part in assumed:
+            continue
         if person.probability is not None and model is not None:
-            on_skin = table[partner].kind in ("person", "self", "object")
             likely = person.probability[here]
-            sure = round(model.part_probability(likely) if on_skin else mean_of_surest(likely), DECIMALS)
+            of_scene = assumed.get(part, mean_of_surest(likely))
+            sure = round(model.part_probability(likely) if on_skin else of_scene, DECIMALS)
         if sure is None or sure >= least:
-            found.append(BodyContact(regions.names[part], table[partner], sure, count, _dent_of(person.dent[here])))
+            dent = _dent_of(person.dent[here])
+            found.append(BodyContact(part, table[partner], sure, count, dent, assumed=part in assumed))
     on_self = {(one.part, one.partner.part) for one in found if one.partner.kind == "self"}
     found = [one for one in found if one.partner.kind != "self" or _is_listed(one.part, one.partner.part, on_self)]
     return tuple(sorted(found, key=lambda one: (-(one.probability or 0.0), -one.vertices)))

@@ -4,6 +4,8 @@ A part has one probability, see :mod:`physic_core.engine.touch`. All its vertice
 that its distance is one number: the fifth smallest of its vertices, which is robust to outliers. A vertex has the
 probability of its part, times how near it is to the surface beside the nearest vertices of the part, and how directly
 its skin faces the surface.
+
+The place of a part that no pixel shows is a guess, and its distance says nothing. It has the base rate of its kind.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ from physic_core.engine.contact.problem import ContactInput
 from physic_core.engine.contact.regions import contact_regions
 from physic_core.engine.limbs import hip_bends
 from physic_core.engine.stance import Stance
-from physic_core.engine.touch import DEPTH_BESIDE, DISTANCE, touch_log_odds
+from physic_core.engine.touch import DEPTH_BESIDE, DISTANCE, touch_log_odds, touch_model
 from physic_core.types.skeletons import SIDES
 
 SEAT = "seat"
@@ -31,6 +33,7 @@ _KIND_OF = {"foot": "foot", "hand": "hand", "seat": SEAT, "upper_leg": SEAT}
 _GAP_VERTICES = 5
 _SIGMA_M = 0.05  # standard deviation of the distance of a part from the scene
 _MOST_BEND = 1.7  # radians; people who bend more do not sit more probably
+_SHOWN_SHARE = 0.3  # of the vertices of a part that the photo shows
 
 
 def scene_parts_of_body(model: BodyModel) -> dict[str, Tensor]:
@@ -38,10 +41,15 @@ def scene_parts_of_body(model: BodyModel) -> dict[str, Tensor]:
     regions = contact_regions(model)
     found: dict[str, Tensor] = {}
     for number, name in enumerate(regions.names):
-        part = SEAT if kind_of_part(name) == SEAT else name
+        part = part_of_region(name)
         chosen = (regions.region == number) & model.outer
         found[part] = found[part] | chosen if part in found else chosen
     return found
+
+
+def part_of_region(region: str) -> str:
+    """Return the part of a region of contacts."""
+    return SEAT if kind_of_part(region) == SEAT else region
 
 
 def kind_of_part(part: str) -> str:
@@ -51,15 +59,23 @@ def kind_of_part(part: str) -> str:
 
 def scene_contact(given: ContactInput, near: Distances) -> tuple[Tensor, dict[str, Tensor]]:
     """Return the probability (N, V) that vertices touch scene or floor, and that of each part: name -> (N,)."""
-    at = near_scene(given, near)
-    parts = {
-        name: torch.sigmoid(touch_log_odds(kind_of_part(name), features))
-        for name, features in part_features(given, at.gap).items()
-    }
+    at, unseen = near_scene(given, near), unseen_parts(given)
+    parts = {}
+    for name, features in part_features(given, at.gap).items():
+        kind = kind_of_part(name)
+        odds, rate = touch_log_odds(kind, features), touch_model().get(f"unseen {kind}")
+        parts[name] = torch.sigmoid(odds if rate is None else torch.where(unseen[name], rate["constant"], odds))
     limbs, model = given.part("hand", "foot"), contact_model().nearness
     far_m, power = (torch.where(limbs, model[f"{name}, hand or foot"], model[name]) for name in ("far_m", "facing"))
     of_vertex = torch.stack(list(parts.values()), 1)[:, _groups(given.model)]
     return of_vertex * nearness(at.rise, at.facing, far_m, power), parts
+
+
+def unseen_parts(given: ContactInput) -> dict[str, Tensor]:
+    """Return part -> (N,) bool: no pixel shows the part, nor a confident keypoint at its end."""
+    shown = given.seen if given.in_mask is None else given.seen | given.in_mask
+    parts = scene_parts_of_body(given.model)
+    return {name: shown[:, chosen].double().mean(1) < _SHOWN_SHARE for name, chosen in parts.items()}
 
 
 class NearScene(NamedTuple):

@@ -38,6 +38,7 @@ class ContactInput:
         free: (N, V) bool, vertices in space that the photo shows to be free; None if that is not used.
         objects: small objects in hands and on laps; None if people touch none.
         stance: of the people; None if unknown.
+        in_mask: (N, V) bool, vertices at pixels of the person's mask; None if unknown.
     """
 
     model: BodyModel
@@ -52,6 +53,7 @@ class ContactInput:
     free: Tensor | None = None
     objects: HeldObjects | None = None
     stance: Stance | None = None
+    in_mask: Tensor | None = None
 
     @property
     def up(self) -> Tensor:

@@ -11,7 +11,7 @@ from physic_core.engine.contact.dents import dent_depths, largest_dents
 from physic_core.engine.contact.features import KINDS, Distances, measure_distances
 from physic_core.engine.contact.method import ContactMethod, Touch
 from physic_core.engine.contact.partner import HIDDEN, HIDDEN_SEAT, VertexContacts, assign_partners, body_contacts
-from physic_core.engine.contact.parts import SEAT, scene_parts_of_body
+from physic_core.engine.contact.parts import SEAT, part_of_region, scene_parts_of_body, unseen_parts
 from physic_core.engine.contact.probability import contact_model
 from physic_core.engine.contact.problem import ContactInput, ContactResult
 from physic_core.engine.contact.regions import contact_regions
@@ -98,15 +98,19 @@ def _describe_contacts(
     give = largest_dents(near.surface, near.parts)
     dents = dent_depths(near.surface.scene, give)
     dents = torch.where(touch.kind == KINDS.index("scene"), dents, torch.nan)
+    unseen = unseen_parts(given) if touch.parts else {}
     contacts, supports = [], []
     for i, one in enumerate(carried):
         carrying = torch.zeros_like(given.model.outer) if one is None else one.contact | one.hidden
         likely = None if touch.probability is None else touch.probability[i]
         person = VertexContacts(index[i], likely, dents[i])
-        contacts.append(body_contacts(person, partners, regions, contact_model(), least=LEAST_PROBABILITY))
+        parts = {name: part_of_region(name) for name in regions.names if unseen}
+        assumed = {name: float(touch.parts[part][i]) for name, part in parts.items() if unseen[part][i]}
+        listed = body_contacts(person, partners, regions, contact_model(), assumed=assumed, least=LEAST_PROBABILITY)
+        contacts.append(listed)
         own = VertexContacts(torch.where(carrying, index[i], -1), None, dents[i])
-        parts = body_contacts(own, partners, regions)
-        supports.append(None if one is None else support_record(one, parts, contacts[-1]))
+        bearing = body_contacts(own, partners, regions, assumed=assumed)
+        supports.append(None if one is None else support_record(one, bearing, listed))
     return ContactResult(
         contact=touch.kind >= 0,
         probability=touch.probability,

@@ -16,7 +16,7 @@ import pytest
 import torch
 
 from physic_core.body import load_body
-from physic_core.types import CheckResult, UnposedPerson
+from physic_core.types import BodyContact, CheckResult, ContactPartner, UnposedPerson
 from physic_core.visual.report import PAGE_MARK
 from physic_core.visual.surface import depth_limit, mesh_scene
 from physic_viewer.report.page import failure_html, report_html
@@ -130,6 +130,14 @@ def test_contact_less_likely_than_not_is_faint_and_the_page_says_so(standing):
     assert not strength[~person.contact].any()
     assert data["faint"] == "faint: less likely than not"
     assert data_of(report_html(standing))["faint"] == ""
+
+
+def test_the_page_tells_assumed_contacts_from_others(standing):
+    foot = BodyContact("left_foot", ContactPartner("floor", "floor"), 0.8, 9, assumed=True)
+    hand = replace(foot, part="left_hand", assumed=False)
+    person = replace(standing.people[0], contacts=(foot, hand))
+    contacts = data_of(report_html(replace(standing, people=(person,))))["people"][0]["contacts"]
+    assert [(one["part"], one["assumed"]) for one in contacts] == [("left foot", True), ("left hand", False)]
 
 
 def test_stature_and_distances_are_those_of_the_bodies(standing):

@@ -50,7 +50,7 @@ class PersonRecord:
         posed: whether there is a finite body; without one, the distances are None.
         contact_vertices: number of vertices in contact.
         vertices: number of vertices.
-        contacts: ``part``, ``partner``, ``color`` sRGB, ``probability``, ``likely`` of each contact.
+        contacts: ``part``, ``partner``, ``color`` sRGB, ``probability``, ``likely``, ``assumed`` of each.
         support: sentence on what carries the person.
         stature: metres.
         stature_sigma: standard deviation of its logarithm.
@@ -138,6 +138,7 @@ def _contact(contact: BodyContact) -> dict[str, Any]:
         "color": list(contact_color(contact.partner)),
         "probability": contact.probability,
         "likely": contact.likely,
+        "assumed": contact.assumed,
     }
 
 

@@ -60,11 +60,15 @@ function partnerRows(person) {
     const sure = probability === null ? "" : `, ${probability.toFixed(2)}`;
     return element("li", {}, dot, `${part}: ${partner}${sure}`);
   });
-  const list = likely => element("ul", { className: "partners" }, ...rows.filter((row, i) => person.contacts[i].likely === likely));
-  const possible = person.contacts.some(contact => !contact.likely)
-    ? element("div", { className: "soft possible" }, element("h3", { textContent: "Possible contact, less likely than not" }), list(false))
-    : null;
-  return [list(true), possible].filter(Boolean);
+  const list = chosen => element("ul", { className: "partners" }, ...rows.filter((row, i) => chosen(person.contacts[i])));
+  const apart = (title, chosen) => person.contacts.some(chosen)
+    ? [element("div", { className: "soft possible" }, element("h3", { textContent: title }), list(chosen))]
+    : [];
+  return [
+    list(contact => contact.likely && !contact.assumed),
+    ...apart("Assumed: no pixel shows these parts", contact => contact.likely && contact.assumed),
+    ...apart("Possible contact, less likely than not", contact => !contact.likely),
+  ];
 }
 
 function contactRows(person) {
