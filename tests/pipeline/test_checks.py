@@ -200,8 +200,6 @@ def test_what_fails_of_a_photo_and_is_its_warning(changes: dict[str, Any], name:
         ({"off": 30.0, "moved": 3, "shown": False}, ("limb_keypoints",)),
         ({"off": 30.0, "moved": 2}, ()),  # both shoulders
         ({"off": 10.0, "moved": 12}, ()),
-        ({"report": {"depth_ratio": 1.45}}, ("person_depth",)),
-        ({"report": {"depth_ratio": 1 / 1.45}}, ("person_depth",)),
         ({"report": {"placement_problem": "2 keypoints have confidence 0.5 or more"}}, ("placed",)),
         ({"failure": "no start"}, ("optimised",)),
         ({"lost": ("body_estimator",)}, ("missing_outputs",)),
@@ -280,7 +278,6 @@ def test_a_value_at_its_bound_holds_and_beyond_it_does_not() -> None:
         ({"sigma": None}, ("scale_sigma",), "the metric depth backend does not estimate its scale error"),
         ({"scene_camera": None}, ("focal_agreement",), "no backend estimates a focal length"),
         ({"camera": replace(GUESS, focal_sigma=0.25)}, ("focal_known",), "the focal length is a guess with a stated"),
-        ({}, ("person_depth",), "too few visible vertices have a depth"),
     ],
 )
 def test_an_unmeasured_check_is_unknown_with_its_reason(
@@ -322,7 +319,7 @@ def results(*failed: str, unknown: tuple[str, ...] = ()) -> list[CheckResult]:
         (("missing_outputs",), (), Grade.BAD),
         ((), ("placed",), Grade.DOUBTFUL),
         ((), ("mask_covered",), Grade.DOUBTFUL),
-        ((), ("lean", "sole_height", "person_depth"), Grade.GOOD),
+        ((), ("lean", "sole_height"), Grade.GOOD),
     ],
 )
 def test_the_grade_of_a_person(failed: tuple[str, ...], unknown: tuple[str, ...], grade: Grade) -> None:

@@ -164,13 +164,6 @@ def _check_support(estimates: Estimates, solution: Solution, person: int) -> Ite
 
 def _check_depth(solution: Solution, person: int) -> Iterator[Measurement]:
     report = solution.people[person]
-    ratio = report.get("depth_ratio")
-    yield Measurement(
-        "person_depth",
-        None if not ratio else relative_difference(ratio),
-        f"the depth at this person's pixels is {ratio or 1:.2f} times that of the body: the distance is doubtful",
-        unmeasured="too few visible vertices have a depth",
-    )
     ratio = report.get("low_depth_ratio")
     yield Measurement(
         "low_depth",

@@ -107,8 +107,6 @@ _ALL = (
     _person("lean", "Leans towards the camera or away", "at most", 12, "deg"),
     # An upright trunk that is an eighth shorter looks like one bent by 30 degrees. Right bodies up to 22, one wrong 34.
     _person("bend", "Trunk bent towards the camera or away", "at most", 30, "deg", failure="doubtful"),
-    # Photos 0-0.32, worlds 0-0.02; 0.58 where the photo's point map was aligned wrongly.
-    _person("person_depth", "Depth differs from the body's", "at most", 0.4, _SHARE),
     # Right people on right floors 0-0.2; seats and floors that are wrong 0.26-0.9.
     _person("low_depth", "Depth at feet or seat differs from the body's", "at most", 0.25, _SHARE, needed=True),
     # People whose depths differ by less are beside each other. Not weighed yet against photos with measured truth.
