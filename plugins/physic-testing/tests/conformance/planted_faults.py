@@ -54,7 +54,7 @@ def run_checks(fault: Fault | str) -> CheckRun:
 
     infer.__signature__ = inspect.signature(mock.infer)  # type: ignore[attr-defined]
     kind = type(mock.__name__, (mock,), {"infer": infer})
-    return start_checks(find_backend(kind, None, None, options=NO_NOISE.get(mock.__name__, {"noise": 0})))
+    return start_checks(find_backend(kind, None, options=NO_NOISE.get(mock.__name__, {"noise": 0})))
 
 
 def moved(array: np.ndarray, right: int, down: int, empty: Any = None) -> np.ndarray:

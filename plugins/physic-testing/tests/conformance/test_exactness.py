@@ -21,7 +21,7 @@ def is_exact(mock: type, change: Any, **settings: Any) -> Result:
         def infer(self, image: Any, *rest: Any) -> Any:
             return change(super().infer(image, *rest), image)
 
-    subject = find_backend(Changed, None, None, options={"noise": 0}, **settings)
+    subject = find_backend(Changed, None, options={"noise": 0}, **settings)
     return start_checks(subject).result("is_exact")
 
 
@@ -71,7 +71,7 @@ def test_a_backend_that_is_wrong_about_the_scale_alone_is_judged_by_its_mean():
 
 def test_noise_makes_no_perfect_network():
     assert (
-        start_checks(find_backend(mocks.MockMetricDepth, None, None, options={"noise": 1})).result("is_exact").reason
+        start_checks(find_backend(mocks.MockMetricDepth, None, options={"noise": 1})).result("is_exact").reason
         == "not exact"
     )
 
