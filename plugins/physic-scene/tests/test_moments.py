@@ -129,7 +129,7 @@ def test_the_same_photo_twice_is_one_view(solver, alone):
 
 def test_a_photo_whose_people_fit_nowhere_is_left_out(solver, config, alone):
     with Pipeline(config) as pipeline:
-        other = pipeline(build_world("sit_on_floor", 3, SIZE).image)
+        other = pipeline(build_world("squat", 3, SIZE).image)
     found = solver.join([*alone, other], ["a.png", "b.png", "c.png", "other.png"])
     assert [(one.photo, one.reason) for one in found.left_out] == [("other.png", "does not fit")]
     assert len(found.photos) == 3
