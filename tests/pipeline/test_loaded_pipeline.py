@@ -167,8 +167,8 @@ def test_an_instance_replaces_the_configs_choice_and_is_not_cached(
     ("given", "kind", "message"),
     [
         ({"metric_dept": Flat(1.0)}, ConfigError, "backends: no interface named 'metric_dept'; there are: segmenter"),
-        ({"inpainter": Flat}, BackendError, "backends['inpainter'] should be an instance or a subclass of"),
-        ({"inpainter": "telea"}, BackendError, "backends['inpainter'] should be an instance or a subclass of"),
+        ({"inpainter": Flat}, BackendError, "backends['inpainter']: "),
+        ({"inpainter": "telea"}, BackendError, "backends['inpainter']: "),
     ],
     ids=["interface", "class", "name"],
 )
