@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 import sys
+from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -54,9 +55,10 @@ class NetworkBackend(Backend):
     def manifest(cls) -> Path:
         """Return the folder of the weight manifests: "weights" in the package of the class, or else of a base class."""
         packages = (sys.modules[kind.__module__.partition(".")[0]] for kind in cls.__mro__)
-        folders = (Path(getattr(package, "__file__", None) or "interactive").parent / "weights" for package in packages)
+        folders = (Path(path) / "weights" for package in packages for path in getattr(package, "__path__", ()))
         return next(folder for folder in folders if folder.is_dir())
 
+    @abstractmethod
     def build(self, device: str) -> Any:
         """Open the weights and return the network on a device.
 
@@ -64,7 +66,6 @@ class NetworkBackend(Backend):
             WeightsMissingError: files are missing.
             BackendError: they are not those of this network.
         """
-        raise NotImplementedError
 
     def load(self, device: str = "cpu") -> None:
         """Open the network, unless it is open.

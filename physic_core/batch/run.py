@@ -204,7 +204,7 @@ def open_executor(name: str, settings: ExecutorSettings) -> Executor:
     """Return the executor of a name: "local", or one that a plugin offers.
 
     Raises:
-        ConfigError: there is no such executor, or it does not have one of the settings.
+        ConfigError: the executor does not exist, or does not have one of the settings.
         PluginError: it cannot be imported, or returns no function.
     """
     if name == _LOCAL:

@@ -90,7 +90,7 @@ def load_class(offer: Offer) -> type[Backend]:
 
     Raises:
         BackendNotFoundError: a config names a class that does not exist.
-        BackendError: the class cannot be imported, or is no such backend.
+        BackendError: the class cannot be imported, or is not a backend of the interface.
     """
     kind: Any = _import_target(offer, str(offer))
     if problem := class_problem(kind, offer.interface):

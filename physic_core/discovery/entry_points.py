@@ -94,7 +94,7 @@ def weights_folder(offer: Offer) -> Path:
     """Return the folder of the package that an entry point of ``physic.weights`` names; the package is not imported.
 
     Raises:
-        PluginError: there is no such folder.
+        PluginError: the folder does not exist.
     """
     top, *below = offer.target.split(".")
     with suppress(ImportError, ValueError):

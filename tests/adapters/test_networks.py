@@ -45,7 +45,7 @@ class Own(NetworkBackend, MetricDepth):
 def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> type[Own]:
     """The class in a package with a folder of manifests; a file of its set is in the user's folder."""
     package = ModuleType("own_plugin")
-    package.__file__ = str(tmp_path / "own_plugin" / "__init__.py")
+    package.__path__ = [str(tmp_path / "own_plugin")]
     (tmp_path / "own_plugin" / "weights").mkdir(parents=True)
     manifest = (
         '[net]\nsummary = "A"\nlicense = "MIT"\n[[net.files]]\npath = "net.txt"\nsource = "https://example.org/x"\n'
@@ -94,7 +94,8 @@ def test_a_path_of_the_user_replaces_the_set(own: type[Own], tmp_path: Path) -> 
 
 def test_torch_backends_refuse_a_device_that_is_not_there() -> None:
     class Net(TorchBackend, MetricDepth):
-        pass
+        def build(self, device: str) -> Any:
+            raise AssertionError("opened on a device that is not there")
 
     with pytest.raises(DeviceError):
         Net().load("cuda:99")

@@ -56,7 +56,7 @@ def test_the_catalog_says_what_the_plugins_of_the_project_offer():
 
 
 @pytest.mark.parametrize("first", ["import time; time.sleep(3)", "raise SystemExit(3)"])
-def test_a_backend_that_nobody_uses_is_not_imported(site, tmp_path: Path, first: str):
+def test_an_unused_backend_is_not_imported(site, tmp_path: Path, first: str):
     site.install("physic-slow", f"{first}\n{FILL}", entry="slow = physic_slow:Fill", group="physic.inpainter")
     Image.fromarray(np.zeros((24, 32, 3), np.uint8)).save(tmp_path / "photo.png")
     code = (
@@ -70,7 +70,7 @@ def test_a_backend_that_nobody_uses_is_not_imported(site, tmp_path: Path, first:
     for arguments in (["--help"], ["plugins"], run):
         done = subprocess.run([*command, *arguments], cwd=tmp_path, capture_output=True, text=True, check=False)
         assert done.stdout.endswith("imported: False\n"), (arguments, done.stdout, done.stderr)
-        assert done.returncode == (3 if arguments is run else 0), done.stderr  # nobody is in the photo
+        assert done.returncode == (3 if arguments is run else 0), done.stderr  # the photo shows no person
 
 
 # ---- hostile backends are named when they are used -------------------------------------------------------------------

@@ -458,7 +458,7 @@ def test_a_hand_on_a_table_does_not_carry_a_standing_person() -> None:
     assert body.gap(near, body.floor) == pytest.approx(0.02)
 
 
-def test_hands_carry_people_who_do_not_stand_and_feet_in_the_air_carry_nobody() -> None:
+def test_hands_carry_people_who_do_not_stand_and_feet_in_the_air_do_not() -> None:
     model = load_body()
     hand, sole = model.contact_sets["left_hand"], model.contact_sets["right_sole"]
     for feet, seat in ((0.1, 0.1), (0.9, 0.9)):

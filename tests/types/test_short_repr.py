@@ -15,8 +15,8 @@ def test_the_repr_of_a_reconstruction_is_one_line(reconstruction: Reconstruction
     assert repr(reconstruction) == "Reconstruction(2 people, 160 x 120, floor found, scale ±7 %, 2 warnings)"
     unsure = replace(make(people=1), scene=replace(reconstruction.scene, scale_sigma=None), warnings=())
     assert repr(unsure) == "Reconstruction(1 person, 160 x 120, floor found, scale of unknown error, no warnings)"
-    nobody = replace(make(people=0), scene=replace(reconstruction.scene, floor=None))
-    assert "0 people, 160 x 120, no floor" in repr(nobody)
+    empty = replace(make(people=0), scene=replace(reconstruction.scene, floor=None))
+    assert "0 people, 160 x 120, no floor" in repr(empty)
 
 
 def test_arrays_are_their_type_and_shape_and_few_numbers_themselves(reconstruction: Reconstruction):

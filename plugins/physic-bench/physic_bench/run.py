@@ -170,7 +170,7 @@ def evaluate_methods(found: FrameSet, methods: Sequence[Method], files: BodyFile
             if prediction is not None:
                 overlaps[method.name] += _overlaps(frame, truth, prediction)
     if not any(records.values()):
-        raise InputError(f"no frame can be evaluated: {next(iter(left_out.values()), 'nobody is annotated')}")
+        raise InputError(f"no frame can be evaluated: {next(iter(left_out.values()), 'no person is annotated')}")
     notes = list(found.notes)
     for method in methods:
         _require_results(method, records[method.name], overlaps[method.name])

@@ -34,7 +34,7 @@ def pointmap(path: Path, hole: np.ndarray | None = None, image: np.ndarray = IMA
 # ---- depth -----------------------------------------------------------------------------------------------------------
 
 
-def test_a_numpy_array_gives_its_depth_where_it_is_a_length_and_nobody_was_removed(tmp_path: Path) -> None:
+def test_a_numpy_array_gives_its_depth_where_it_is_a_length_and_no_person_was_removed(tmp_path: Path) -> None:
     values, hole = DEPTH.copy(), np.zeros((4, 6), bool)
     values[0, :4] = np.nan, np.inf, 0, -1
     hole[1:3, 2:4] = True
