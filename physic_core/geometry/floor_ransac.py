@@ -180,15 +180,19 @@ def _score(samples: BlockMeans, planes: Tensor, tolerance: float, some: Tensor) 
 
 
 def refit(rays: Tensor, inverse: Tensor, tolerance: float) -> Tensor:
-    """Fit a plane (3,) to pixels (M, 3), (M,) that mostly lie on it, by least squares, then reweighted ones."""
-    plane: Tensor = torch.linalg.lstsq(rays, inverse[:, None]).solution[:, 0]
-    for _ in range(_REFITS):
-        weight = (1 - ((inverse - rays @ plane) / tolerance).square()).clamp(min=0).square()
+    """Fit a plane (3,) to pixels (M, 3), (M,) that mostly lie on it, by least squares, then reweighted ones.
+
+    It is 0, at infinity, where the rays of the pixels are in one plane.
+    """
+    plane, weight = torch.zeros_like(rays[0]), torch.ones_like(inverse)
+    # Not lstsq: the last bit of its solution depends on where LAPACK's work space lies in memory.
+    for _ in range(1 + _REFITS):
         weighted = rays * weight[:, None]
         again, singular = torch.linalg.solve_ex(weighted.T @ rays, weighted.T @ inverse)
         if int(singular) != 0:
             break
         plane = again
+        weight = (1 - ((inverse - rays @ plane) / tolerance).square()).clamp(min=0).square()
     return plane
 
 

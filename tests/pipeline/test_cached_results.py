@@ -9,7 +9,6 @@ import json
 import os
 import shutil
 from collections import Counter
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -139,17 +138,13 @@ def test_a_first_run_calls_loads_and_closes_every_backend(first) -> None:
     assert not any(stage.cached for stage in result.stages)
 
 
-def test_the_same_run_again_calls_and_loads_no_backend_and_gives_the_same_result(
+def test_the_same_run_again_calls_and_loads_no_backend_and_gives_the_same_bits(
     first, warm: Path, counts: Counts, photo: Path, tmp_path: Path
 ) -> None:
     again = reconstruct(read_photo(photo).image, "mock")
     assert (counts.asked, counts.loaded, counts.closed) == (Counter(), Counter(), Counter())
     assert [s.cached for s in again.stages] == [s.provenance is not None for s in again.stages]
-    assert (again.warnings, again.notes) == (first[1].warnings, first[1].notes)
-    for one, other in zip(again.checks, first[1].checks, strict=True):
-        assert replace(one, value=0.0, message="") == replace(other, value=0.0, message="")
-        if one.value is not None:
-            assert one.value == pytest.approx(other.value, rel=1e-4, abs=1e-6)
+    assert (again.warnings, again.notes, again.checks) == (first[1].warnings, first[1].notes, first[1].checks)
     for name, result in (("first", first[1]), ("again", again)):
         result.save(str(tmp_path / name), "numbers")
     with (
@@ -157,8 +152,7 @@ def test_the_same_run_again_calls_and_loads_no_backend_and_gives_the_same_result
         np.load(tmp_path / "again" / "reconstruction.npz") as other,
     ):
         for name in set(one) - {"run"}:
-            # Matrix products of the engine need not have the same last bit in two runs.
-            np.testing.assert_allclose(one[name], other[name], atol=1e-4, err_msg=name)
+            np.testing.assert_array_equal(one[name], other[name], err_msg=name)
 
 
 DEPENDENTS = [
