@@ -132,7 +132,9 @@ def test_a_run_that_is_broken_off_leaves_nothing(world: World, at_start: str, se
         "class Sleeper(Segmenter):\n"
         "    def infer(self, image):\n"
         "        pathlib.Path('asleep').touch()\n"
-        "        time.sleep(600)\n"
+        # A signal that comes just before a long sleep starts is handled only after it.
+        "        for _ in range(6000):\n"
+        "            time.sleep(0.1)\n"
     )
     start = f"import signal; signal.signal(signal.SIGINT, signal.{at_start}); from physic_core.cli import main; main()"
     command = [sys.executable, "-c", start, "run", "a.png", "--preset", "mock"]
