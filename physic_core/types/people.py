@@ -89,6 +89,7 @@ class People(ShortRepr):
             for objects.
         floor_candidates: (H, W) bool each, other masks that may be the ground, such as several beside the feet. The
             pipeline weighs them.
+        notes: plain sentences for the user ("left out what looks like a person ...").
     """
 
     masks: BoolArray = field(metadata=PER_PERSON)
@@ -101,6 +102,7 @@ class People(ShortRepr):
     unposed_mask: BoolArray | None = None
     objects: BoolArray | None = None
     floor_candidates: tuple[BoolArray, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.masks)

@@ -91,7 +91,7 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
             NoPersonError: no pose is found for a prompt, or two prompts hit the same person.
         """
         networks, options = self.network, self.options
-        found, unposed = detect_poses(
+        found, unposed, left_out = detect_poses(
             networks["yolox_nano"],
             networks["pose_detection"],
             networks["pose_landmark_heavy"],
@@ -106,7 +106,8 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
             empty_mask = np.zeros(image.shape[:2], bool)
             surfaces = self._surfaces(image, empty_mask)
             floor = _with_labelled_floor(empty_mask, surfaces, empty_mask) if options.floor else None
-            return self._people([], np.zeros((0, *empty_mask.shape), bool), floor, surfaces, image)
+            nobody = self._people([], np.zeros((0, *empty_mask.shape), bool), floor, surfaces, image)
+            return replace(nobody, notes=_left_out_note(left_out))
         embedding = embed_image(networks["mobilesam_encoder"], image)
         masks = self._masks(embedding, [person.pose for person in found])
         if prompt is not None:
@@ -128,7 +129,7 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
             floor = floor_mask(decoder, embedding, poses, people) if poses else np.zeros_like(people)
             floor = _with_labelled_floor(floor, surfaces, people)
         result = self._people(found, masks, floor, surfaces, image)
-        return replace(result, unposed=reported, unposed_mask=unposed_mask)
+        return replace(result, unposed=reported, unposed_mask=unposed_mask, notes=_left_out_note(left_out))
 
     def _surfaces(self, image: UInt8Array, people: BoolArray) -> SurfaceLabels | None:
         """Return the semantic labels outside of the people (H, W), if ``surfaces`` is set."""
@@ -175,6 +176,13 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
             keypoints=doubt_cut_heads(keypoints_from_poses([person.pose for person in found], *image.shape[:2]), masks),
             surfaces=surfaces,
         )
+
+
+def _left_out_note(names: list[str]) -> tuple[str, ...]:
+    """Return a note about the animals and boards that look like people."""
+    if not names:
+        return ()
+    return (f"left out what looks like a person, and more like another thing: {', '.join(names)}",)
 
 
 def _with_labelled_floor(floor: BoolArray, surfaces: SurfaceLabels | None, people: BoolArray) -> BoolArray:

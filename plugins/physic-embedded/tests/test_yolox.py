@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 
 from physic_core.adapters.detections import box_iou
 from physic_embedded.networks.sessions import open_packaged_session
-from physic_embedded.networks.yolox import PADDING_VALUE, detect_boxes
+from physic_embedded.networks.yolox import CLASSES, PADDING_VALUE, detect_boxes
 
 CELLS = [(52, 8), (26, 16), (13, 32)]
 
 
 class Network:
-    """Predicts a person of a given size at every cell whose pixel is pure red."""
+    """Predicts a thing of a given size at every cell whose pixel is pure red: a person, and classes with scores."""
 
-    def __init__(self, width: float, height: float, score: float = 0.9) -> None:
-        self.size, self.score = (width, height), score
+    def __init__(self, width: float, height: float, **scores: float) -> None:
+        self.size, self.scores = (width, height), {"person": 0.9, **scores}
         self.inputs: list[NDArray[np.float32]] = []
 
     def run(self, names: list[str], inputs: dict[str, NDArray[np.float32]]) -> list[Any]:
@@ -33,7 +33,9 @@ class Network:
             part = rows[0, start : start + count * count]
             part[:, :2] = 0.5
             part[:, 2:4] = np.log(np.array(self.size) / stride)
-            part[hit, 4], part[hit, 5] = self.score, 1.0
+            part[hit, 4] = 1.0
+            for name, score in self.scores.items():
+                part[hit, 5 + CLASSES[name]] = score
             start += count * count
         return [rows]
 
@@ -49,7 +51,8 @@ def photo(width: int, height: int, *marks: tuple[int, int], side: int = 24) -> N
 def test_a_box_lies_at_its_cell_in_the_photo() -> None:
     """The photo is twice as large as the input: a box of 60 x 120 px there is 120 x 240 px here."""
     network = Network(60, 120)
-    found = detect_boxes(network, photo(832, 624, (400, 300)), min_score=0.4, min_tile_score=0.5)  # type: ignore[arg-type]
+    image = photo(832, 624, (400, 300))
+    found = detect_boxes(network, image, min_score=0.4, min_tile_score=0.5).people  # type: ignore[arg-type]
     assert len(found) >= 1
     center = (found.boxes[0, :2] + found.boxes[0, 2:]) / 2
     np.testing.assert_allclose(center, [400, 300], atol=24)
@@ -72,7 +75,7 @@ def test_a_box_at_the_inner_edge_of_a_tile_is_dropped_and_one_at_the_photos_edge
     """Tiles of 416 px show the marks at their own size; the full photo of 832 px does not pass ``min_score``."""
     network = Network(60, 120)
     image = photo(832, 832, (30, 200), (415, 600))
-    found = detect_boxes(network, image, min_score=0.99, min_tile_score=0.5, fractions=[0.5])  # type: ignore[arg-type]
+    found = detect_boxes(network, image, min_score=0.99, min_tile_score=0.5, fractions=[0.5]).people  # type: ignore[arg-type]
     centers = (found.boxes[:, :2] + found.boxes[:, 2:]) / 2
     assert any(np.linalg.norm(center - [30, 200]) < 40 for center in centers)
     near = found.boxes[np.linalg.norm(centers - [415, 600], axis=1) < 70]
@@ -83,10 +86,23 @@ def test_a_box_at_the_inner_edge_of_a_tile_is_dropped_and_one_at_the_photos_edge
     assert (found.boxes <= 832).all()
 
 
+@pytest.mark.parametrize(
+    ("scores", "name"), [({}, None), ({"dog": 0.5}, None), ({"dog": 0.95}, "dog"), ({"skateboard": 0.95}, "skateboard")]
+)
+def test_a_person_is_another_thing_where_the_network_gives_that_a_higher_score(
+    scores: dict[str, float], name: str | None
+) -> None:
+    image = photo(416, 416, (200, 200))
+    found = detect_boxes(Network(60, 120, **scores), image, min_score=0.4, min_tile_score=0.5)  # type: ignore[arg-type]
+    assert len(found.people) >= 1
+    assert found.other_at(found.people.boxes[0], float(found.people.scores[0]), 0.5) == name
+    assert found.other_at(found.people.boxes[0] + 200, 0.0, 0.5) is None
+
+
 @pytest.mark.parametrize("fractions", [(), (0.5,)])
 def test_the_player_of_the_example_photo_is_one_box(image: NDArray[np.uint8], fractions: tuple[float, ...]) -> None:
     session = open_packaged_session("yolox_nano", threads=1)
-    found = detect_boxes(session, image, min_score=0.4, min_tile_score=0.5, fractions=fractions)
-    whole = detect_boxes(session, image, min_score=0.4, min_tile_score=0.5)
+    found = detect_boxes(session, image, min_score=0.4, min_tile_score=0.5, fractions=fractions).people
+    whole = detect_boxes(session, image, min_score=0.4, min_tile_score=0.5).people
     assert found.scores[0] > 0.7
     assert box_iou(found.boxes[:1], whole.boxes[:1])[0, 0] > 0.8

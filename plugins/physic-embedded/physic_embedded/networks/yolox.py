@@ -1,13 +1,13 @@
-"""Detect people as boxes with YOLOX-nano, in the full image and in overlapping tiles."""
+"""Detect people, animals and boards as boxes with YOLOX-nano, in the full image and in overlapping tiles."""
 
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from physic_core.adapters.detections import Detections, nms, xyxy_from_cxcywh
+from physic_core.adapters.detections import Detections, box_iou, nms, xyxy_from_cxcywh
 from physic_core.adapters.pictures import letterbox
 from physic_embedded.networks.tiles import tiles
 
@@ -23,9 +23,52 @@ if TYPE_CHECKING:
 INPUT_SIZE = 416
 STRIDES = (8, 16, 32)
 PADDING_VALUE = 114
-PERSON_CLASS = 0
+CLASSES = {
+    "person": 0,
+    "bird": 14,
+    "cat": 15,
+    "dog": 16,
+    "horse": 17,
+    "sheep": 18,
+    "cow": 19,
+    "elephant": 20,
+    "bear": 21,
+    "zebra": 22,
+    "giraffe": 23,
+    "ski": 30,
+    "snowboard": 31,
+    "skateboard": 36,
+    "surfboard": 37,
+}
+"""Classes of COCO that are read, and their columns: people, and animals and boards that look like people."""
 MAX_IOU = 0.6
 """Of two boxes with a larger intersection over union, only the better one is kept."""
+
+
+class Found(NamedTuple):
+    """Boxes in an image, best first.
+
+    Attributes:
+        people: boxes of people.
+        others: boxes of animals and boards.
+        names: class of each of ``others``.
+    """
+
+    people: Detections
+    others: Detections
+    names: tuple[str, ...]
+
+    def other_at(self, box: Float, score: float, overlap: float) -> str | None:
+        """Return the class of an animal or a board with a higher score at a box (4,); None without one.
+
+        Args:
+            box: x0 y0 x1 y1 px.
+            score: of the person in the box.
+            overlap: least intersection over union with the box.
+        """
+        same = box_iou(box[None], self.others.boxes)[0] > overlap
+        better = np.flatnonzero(same & (self.others.scores > score))
+        return self.names[better[0]] if len(better) else None
 
 
 def detect_boxes(
@@ -35,10 +78,10 @@ def detect_boxes(
     min_score: float,
     min_tile_score: float,
     fractions: Sequence[float] = (),
-) -> Detections:
-    """Detect people in an image (H, W, 3), best first.
+) -> Found:
+    """Detect people, animals and boards in an image (H, W, 3).
 
-    A box that touches an edge of its tile inside the image is dropped: the rest of the person is in another tile.
+    A box that touches an edge of its tile inside the image is dropped: the rest of it is in another tile.
 
     Args:
         session: of ``yolox_nano``.
@@ -57,12 +100,25 @@ def detect_boxes(
         found.append((boxes[keep], scores[keep]))
     boxes = np.clip(np.concatenate([b for b, _ in found]), 0, [width, height, width, height])
     scores = np.concatenate([s for _, s in found])
-    kept = nms(boxes, scores, MAX_IOU)
-    return Detections(boxes[kept], scores[kept])
+    kept = [(row, best) for row in range(len(CLASSES)) for best in _best_of_class(boxes, scores[:, row])]
+    people = [best for row, best in kept if row == 0]
+    others = sorted((pair for pair in kept if pair[0]), key=lambda pair: -scores[pair[1], pair[0]])
+    rows, chosen = (np.array(column, np.intp) for column in (list(zip(*others, strict=True)) or ([], [])))
+    return Found(
+        Detections(boxes[people], scores[people, 0]),
+        Detections(boxes[chosen], scores[chosen, rows]),
+        tuple(list(CLASSES)[row] for row in rows),
+    )
+
+
+def _best_of_class(boxes: Float, scores: Float) -> NDArray[np.intp]:
+    """Return the rows of the boxes (N, 4) of one class, best first; its scores (N,) are 0 where there is none."""
+    rows = np.flatnonzero(scores > 0)
+    return rows[nms(boxes[rows], scores[rows], MAX_IOU)]
 
 
 def _detect(session: OnnxSession, image: NDArray[np.uint8], min_score: float) -> tuple[Float, Float]:
-    """Run the network once: boxes (N, 4) x0 y0 x1 y1, px of ``image``, and scores (N,)."""
+    """Run the network once: boxes (N, 4) x0 y0 x1 y1, px of ``image``, and scores (N, C), 0 up to ``min_score``."""
     canvas, placement = letterbox(
         image,
         INPUT_SIZE,
@@ -74,8 +130,9 @@ def _detect(session: OnnxSession, image: NDArray[np.uint8], min_score: float) ->
     blue_first = np.ascontiguousarray(canvas[:, :, ::-1].transpose(2, 0, 1), np.float32)
     (output,) = session.run(["output"], {"images": blue_first[None]})
     rows = output[0].astype(float)
-    scores = rows[:, 4] * rows[:, 5 + PERSON_CLASS]
-    keep = scores > min_score
+    scores = rows[:, 4:5] * rows[:, [5 + column for column in CLASSES.values()]]
+    scores = np.where(scores > min_score, scores, 0.0)
+    keep = scores.any(axis=1)
     cells, strides = _grid()
     centers = (rows[keep, :2] + cells[keep]) * strides[keep]
     sizes = np.exp(rows[keep, 2:4]) * strides[keep]

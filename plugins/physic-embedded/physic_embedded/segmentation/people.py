@@ -2,13 +2,13 @@
 
 YOLOX detects people as boxes. The landmark network, which expects one person, runs on each box. Unless all boxes and
 their poses are sure, BlazePose's own detector adds people that YOLOX misses, and a second start for the landmark
-network.
+network. Both also detect animals and boards as people: what YOLOX holds rather for one of these is left out.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from physic_core.adapters.detections import Detections
     from physic_core.adapters.onnx_sessions import OnnxSession
     from physic_embedded.networks.pose import Pose
+    from physic_embedded.networks.yolox import Found
 
     Float = NDArray[np.floating[Any]]
 
@@ -42,6 +43,8 @@ MIN_BOX_FIT = 0.15
 """A pose with a lower fit to its box belongs to another person or to nothing."""
 MIN_WEAK_FIT = 0.3
 """The same for a box with a weak score."""
+SAME_THING = 0.7
+"""Least intersection over union of a box of a person and one of an animal or a board, both of which show one thing."""
 MIN_MASK_FIT = 0.45
 """Least intersection over union of a box and the mask of an upper half."""
 MAX_MIRROR_GAP = 0.025
@@ -105,14 +108,28 @@ class UnposedBox:
     reason: str
 
 
+class FoundPeople(NamedTuple):
+    """People in an image.
+
+    Attributes:
+        posed: people with a pose, best first.
+        unposed: boxes of people without a pose.
+        left_out: name of the animal or the board in each box that was left out.
+    """
+
+    posed: list[DetectedPose]
+    unposed: list[UnposedBox]
+    left_out: list[str]
+
+
 def detect_poses(
     box_detector: OnnxSession,
     pose_detector: OnnxSession,
     landmarker: OnnxSession,
     image: NDArray[np.uint8],
     settings: SearchSettings,
-) -> tuple[list[DetectedPose], list[UnposedBox]]:
-    """Detect the poses of all people in an image (H, W, 3), best first, and the boxes of people without a pose.
+) -> FoundPeople:
+    """Detect the people in an image (H, W, 3).
 
     Args:
         box_detector: session of ``yolox_nano``.
@@ -123,13 +140,14 @@ def detect_poses(
     """
     picture = ImagePyramid.from_image(image)
     lowest = max(settings.box_score - WEAK_MARGIN, 0.0)
-    boxes = detect_boxes(
+    things = detect_boxes(
         box_detector,
         image,
         min_score=lowest,
         min_tile_score=lowest,
         fractions=BOX_TILES if settings.fractions else (),
     )
+    boxes, left_out = _without_others(things, settings.box_score)
     posed = [
         (box, float(score), predict_pose(landmarker, picture, square_around(box)))
         for box, score in zip(boxes.boxes, boxes.scores, strict=True)
@@ -140,7 +158,7 @@ def detect_poses(
     found += [
         DetectedPose(pose, 0.5 * score * pose.score)
         for pose, score in blazepose
-        if is_person(pose, score, settings.sure)
+        if is_person(pose, score, settings.sure) and not things.other_at(mask_box(pose), lowest, SAME_THING)
     ]
     kept: list[DetectedPose] = []
     for person in sorted(found, key=lambda person: -person.score):
@@ -152,7 +170,21 @@ def detect_poses(
         for person in kept[settings.max_people :]
         if person.box is not None
     ]
-    return kept[: settings.max_people], unposed
+    return FoundPeople(kept[: settings.max_people], unposed, left_out)
+
+
+def _without_others(things: Found, box_score: float) -> tuple[Detections, list[str]]:
+    """Return the boxes of people that no better box of an animal or a board covers, and the names at the others.
+
+    Names at boxes of weak score are omitted: they need not have become people.
+    """
+    people = things.people
+    others = [
+        things.other_at(box, float(score), SAME_THING) for box, score in zip(people.boxes, people.scores, strict=True)
+    ]
+    sure = people.scores >= box_score
+    left_out = [name for name, one_is_sure in zip(others, sure, strict=True) if name and one_is_sure]
+    return people[[name is None for name in others]], left_out
 
 
 def _add_hidden_people(
