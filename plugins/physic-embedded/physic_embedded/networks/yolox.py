@@ -100,10 +100,10 @@ def detect_boxes(
         found.append((boxes[keep], scores[keep]))
     boxes = np.clip(np.concatenate([b for b, _ in found]), 0, [width, height, width, height])
     scores = np.concatenate([s for _, s in found])
-    kept = [(row, best) for row in range(len(CLASSES)) for best in _best_of_class(boxes, scores[:, row])]
-    people = [best for row, best in kept if row == 0]
-    others = sorted((pair for pair in kept if pair[0]), key=lambda pair: -scores[pair[1], pair[0]])
-    rows, chosen = (np.array(column, np.intp) for column in (list(zip(*others, strict=True)) or ([], [])))
+    people = _best_of_class(boxes, scores[:, 0])
+    others = [(row, best) for row in range(1, len(CLASSES)) for best in _best_of_class(boxes, scores[:, row])]
+    others.sort(key=lambda pair: -scores[pair[1], pair[0]])
+    rows, chosen = np.array(others, np.intp).reshape(-1, 2).T
     return Found(
         Detections(boxes[people], scores[people, 0]),
         Detections(boxes[chosen], scores[chosen, rows]),
