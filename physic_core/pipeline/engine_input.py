@@ -226,7 +226,6 @@ def contact_input(
         model=problem.model,
         vertices=vertices,
         joints=result.joints,
-        rotations=result.rotations,
         prior=problem.contact_probability,
         observed=problem.observed_anywhere,
         surfaces=method.surfaces(problem, finite, s),

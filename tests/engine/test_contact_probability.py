@@ -53,7 +53,6 @@ def alone(body, plane=None, stance=None) -> ContactInput:
         model=body,
         vertices=posed.vertices,
         joints=posed.joints,
-        rotations=torch.eye(3).expand(1, 55, 3, 3),
         prior=torch.full(posed.vertices.shape[:2], 0.5),
         observed=torch.ones(1, 55, dtype=torch.bool),
         surfaces=ContactSurfaces(empty, none, plane),
@@ -91,7 +90,6 @@ def test_a_thigh_beside_the_thigh_of_another_does_not_sit(body):
         one,
         vertices=torch.cat([one.vertices, one.vertices + apart]),
         joints=torch.cat([one.joints, one.joints + apart]),
-        rotations=one.rotations.expand(2, -1, -1, -1),
         prior=one.prior.expand(2, -1),
         observed=one.observed.expand(2, -1),
     )

@@ -36,7 +36,7 @@ def posed(make_stage):
         stage = make_stage([(bends, (0.0, 0.0, 3.0))])
         model = stage.problem.model
         normals = vertex_normals(stage.vertices, model.faces)[0]
-        return model, PosedPerson(stage.vertices[0], normals, stage.joints[0], stage.problem.rotations0[0])
+        return model, PosedPerson(stage.vertices[0], normals)
 
     return pose
 

@@ -29,7 +29,6 @@ class ContactInput:
         model: body model of all people.
         vertices: (N, V, 3) metres.
         joints: (N, 55, 3) metres.
-        rotations: (N, 55, 3, 3).
         prior: (N, V) of the contact prior, in [0, 1].
         observed: (N, 55) bool, visible joints.
         surfaces: scaled scene near the people, and the floor.
@@ -44,7 +43,6 @@ class ContactInput:
     model: BodyModel
     vertices: Tensor
     joints: Tensor
-    rotations: Tensor
     prior: Tensor
     observed: Tensor
     surfaces: ContactSurfaces

@@ -44,7 +44,7 @@ def _find_supports(
         if not finite:
             found.append(None)
             continue
-        body = PosedPerson(given.vertices[i], near.normals[i], given.joints[i], given.rotations[i])
+        body = PosedPerson(given.vertices[i], near.normals[i])
         evidence = ContactEvidence(
             contact=outward[i],
             seen=seen[i],

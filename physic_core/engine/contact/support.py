@@ -3,9 +3,8 @@
 Who sits has a seat, whatever else balances the body: what buttocks and thighs touch from above, else a hidden one. A
 person is balanced if the centre of mass is over the convex hull of the carrying contacts, or below hands that hold
 something. Otherwise, the photo may not show the support. A hidden support is assumed only where the photo cannot show
-one, and if the body is balanced on it: a bed under lying people, something under feet that the photo does not show, and
-a bar in the hands of people whose feet are in the air. Feet that the photo shows stand on what it shows, or on nothing.
-Camera frame, metres.
+one, and if the body is balanced on it: something under feet that the photo does not show, and a bar in the hands of
+people whose feet are in the air. Feet that the photo shows stand on what it shows, or on nothing. Camera frame, metres.
 """
 
 from __future__ import annotations
@@ -16,21 +15,18 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.model import BodyModel
 from physic_core.engine.contact.partner import DECIMALS
 from physic_core.types.contacts import BodyContact
 from physic_core.types.skeletons import SIDES
 from physic_core.types.support import Support, SupportState
 
-_NECK, _PELVIS = JOINT_INDEX["neck"], JOINT_INDEX["pelvis"]
 _DOWNWARD = -0.3  # cosine between a normal and up; skin below it faces down, and can rest on something
 _BALANCE_M = 0.12  # metres beside the hull within which a body is balanced; poses are off by a decimetre along the ray
 _PATCH_M = 0.04  # thickness of the layer of vertices that rests on a hidden support; cushions give way
 _LOWEST_SHARE = 0.02
 _MIN_VERTICES = 10  # of a body part that carries
 _DIRECTIONS = 360  # of the supporting lines of a hull; distances are right to 1 % of its size
-_LEVEL_TRUNK_COSINE = 0.5  # 60 degrees between up and the trunk of a person who lies
 
 
 @dataclass(frozen=True)
@@ -40,14 +36,10 @@ class PosedPerson:
     Attributes:
         vertices: (V, 3) metres.
         normals: (V, 3) unit, out of the body.
-        joints: (55, 3) metres.
-        rotations: (55, 3, 3).
     """
 
     vertices: Tensor
     normals: Tensor
-    joints: Tensor
-    rotations: Tensor
 
 
 @dataclass(frozen=True)
@@ -163,9 +155,6 @@ def _hidden_supports(model: BodyModel, body: PosedPerson, evidence: ContactEvide
     soles = _members(model, *(f"{side}_sole" for side in SIDES))
     if not evidence.in_air and not bool((evidence.seen & soles).any()):
         yield _lowest(body, soles, up)
-    trunk = torch.nn.functional.normalize(body.joints[_NECK] - body.joints[_PELVIS], dim=0)
-    if abs(float(trunk @ up)) < _LEVEL_TRUNK_COSINE:
-        yield _lowest(body, model.outer, up)
     if evidence.in_air and evidence.holds is not None and bool(evidence.holds.any()):
         held = (f"{side}_hand" for side, holds in zip(SIDES, evidence.holds, strict=True) if holds)
         yield _members(model, *held)
