@@ -17,8 +17,8 @@ takes the keypoints of the whole picture. ``cut`` runs the preset on the cropped
 and prints the scores of the parts that the crops removed.
 
 The labels of DATA/photos lie beside the benchmark: two readers labelled them apart, from the pictures alone. A frame of
-a film counts half, since the frames of a film are not independent, and never for hands: people in these films hang on
-bars, and people in photos hardly touch anything.
+a film counts half, since the frames of a film are not independent. Its hands count only if the person seems to hang:
+people in these films hold bars, and people in photos hardly touch anything.
 """
 
 from __future__ import annotations
@@ -67,9 +67,9 @@ SPORT = "parkourone"
 """In the names of photos of sport with walls and rails."""
 
 PARTS: dict[str, tuple[str, ...]] = {
-    "foot": ("distance", "depth beside"),
-    "foot in the picture": ("lower than the other foot", "depth beside"),
-    "hand": ("distance", "depth beside"),
+    "foot": ("distance", "depth beside", "hanging"),
+    "foot in the picture": ("lower than the other foot", "depth beside", "hanging"),
+    "hand": ("distance", "depth beside", "hanging"),
     "seat": ("distance", "depth beside", "bend at the hips"),
     "other": ("distance",),
     "unseen foot": (),
@@ -213,7 +213,7 @@ def cases_of(samples: Sequence[Sample], out: Path) -> list[Case]:
                 kind, of_film = kind_of_part(name), sample.frame is not None
                 weight = FRAME_WEIGHT if of_film else 1.0
                 case = Case(picture_name(sample), kind, one["parts"][name], touches, weight)
-                cases += [] if of_film and kind == "hand" else [case]
+                cases += [] if of_film and kind == "hand" and not case.features["hanging"] else [case]
                 if kind == "foot":
                     lower = {"lower than the other foot": one["lower"][part.startswith("right")]}
                     cases.append(replace(case, kind="foot in the picture", features={**case.features, **lower}))
@@ -359,6 +359,8 @@ def fit_all(cases: Sequence[Case], *, write: bool) -> None:
             scores[kind]["sport"] = words
         w = logistic(*table_of(cases, kind))
         weights[kind] = dict(zip(("constant", *PARTS[kind]), w.round(3).tolist(), strict=True))
+    # Pictures that are cut above the feet show no toes, and so no posture of people who hang.
+    weights["unseen foot"]["hanging"] = weights["foot"]["hanging"]
     photos = len({case.picture for case in cases if case.weight == 1})
     films = len({case.picture for case in cases if case.weight < 1})
     record = {

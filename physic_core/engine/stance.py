@@ -1,9 +1,9 @@
 """Whether feet touch something, and what the picture shows beside feet, hands and seat, before people are placed.
 
-A foot that is much higher than the other one in the picture is in the air or farther away. And what a part of the body
-touches has its depth: somewhere beside the part, or below the thighs, the depth map of the photo shows the depth of the
-part itself. Behind a part in the air, it is farther. This holds in any unit and wherever people are placed. The weights
-of both are in ``touch.json``.
+A foot that is much higher than the other one in the picture is in the air or farther away. A person who raises both
+arms and points the toes down probably hangs. And what a part of the body touches has its depth: somewhere beside the
+part, or below the thighs, the depth map of the photo shows the depth of the part itself. Behind a part in the air, the
+picture is farther. This holds in any unit and wherever people are placed. The weights are in ``touch.json``.
 
 At the pixels of a foot on the ground, the depth map of the photo and that of the scene without people nearly agree: the
 ground continues behind the foot. A foot in the air has a gap, the logarithm of the ratio of both depths. A foot on a
@@ -23,12 +23,12 @@ from torch import Tensor
 
 from physic_core.engine.placement.background import dilate_square
 from physic_core.engine.placement.detections import ObservedPeople
-from physic_core.engine.touch import DEPTH_BESIDE, LEAST_PROBABILITY, touch_log_odds
+from physic_core.engine.touch import DEPTH_BESIDE, HANGING, LEAST_PROBABILITY, touch_log_odds
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import SIDES
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
 _TOES = ("foot_tip", "big_toe")
 _MOST_TRUNKS = 1.0  # a foot that is still higher than the other one says no more
+_RAISED_TRUNKS, _POINTED_TRUNKS = 0.8, 0.2  # wrists over shoulders, and toes under heels, of people who hang
 _USUAL_BESIDE, _MOST_BESIDE = 0.1, 0.3  # of parts that nothing is known of; and where larger ones say no more
 
 _BESIDE_SHARE, _BELOW_THIGH_SHARE = 0.1, 0.2  # of the height of a person's mask: background beside a part
@@ -66,12 +67,15 @@ class Stance(ShortRepr):
     Attributes:
         lower: (N, 2) how much lower the foot is than the other one in the picture, in lengths of the trunk; NaN
             where unknown.
+        hanging: (N,) posture of people who hang, from 0 to 1: both arms raised, and toes that point down; 0 where
+            unknown.
         beside: (N, 5) smallest difference of the logarithm of depth between feet, hands and seat and what the picture
             shows beside each of them, below the thighs for the seat; NaN where unknown.
         stands: (N, 2) probability that the foot stands on the floor, which is not the photo's without one.
     """
 
     lower: FloatArray
+    hanging: FloatArray
     beside: FloatArray
     stands: FloatArray
 
@@ -79,7 +83,7 @@ class Stance(ShortRepr):
     def unknown(count: int) -> Stance:
         """Return the stance of N average people."""
         feet = np.full((count, 2), np.nan)
-        stance = Stance(feet, np.full((count, 5), np.nan), feet)
+        stance = Stance(feet, np.zeros(count), np.full((count, 5), np.nan), feet)
         return replace(stance, stands=_ON_FLOOR_SHARE * stance.touch)
 
     @property
@@ -90,7 +94,11 @@ class Stance(ShortRepr):
     @property
     def touch(self) -> FloatArray:
         """Probability (N, 2) that the foot touches floor, seat or support."""
-        features = {"lower than the other foot": np.nan_to_num(self.lower), DEPTH_BESIDE: self.depth_beside[:, :2]}
+        features = {
+            "lower than the other foot": np.nan_to_num(self.lower),
+            DEPTH_BESIDE: self.depth_beside[:, :2],
+            HANGING: self.hanging[:, None],
+        }
         return np.asarray(1 / (1 + np.exp(-touch_log_odds("foot in the picture", features))))
 
     @property
@@ -112,12 +120,13 @@ class Stance(ShortRepr):
             return found
 
         stands = wider(self.stands, Stance.unknown(1).stands[0])
-        return Stance(wider(self.lower), wider(self.beside), stands)
+        return Stance(wider(self.lower), wider(self.hanging, 0.0), wider(self.beside), stands)
 
 
 def touch_in_picture(points: FloatArray, names: Sequence[str]) -> FloatArray:
     """Return the probability (N, 2) that feet touch something by keypoints (N, J, 2), px, with names, alone."""
-    return replace(Stance.unknown(len(points)), lower=lower_than_the_other(points, names)).touch
+    lower, hanging = lower_than_the_other(points, names), hanging_posture(points, names)
+    return replace(Stance.unknown(len(points)), lower=lower, hanging=hanging).touch
 
 
 def lower_than_the_other(points: FloatArray, names: Sequence[str]) -> FloatArray:
@@ -129,19 +138,39 @@ def lower_than_the_other(points: FloatArray, names: Sequence[str]) -> FloatArray
         points: (N, J, 2) px; y points down.
         names: of the J keypoints, such as "left_heel".
     """
-    row = {name: j for j, name in enumerate(names)}
-    toe = next((name for name in _TOES if f"left_{name}" in row), "")
-    ends = ("ankle", "heel", toe)
-    used = [f"{side}_{part}" for side in SIDES for part in ("shoulder", "hip", *ends)]
-    if not all(name in row for name in used):
-        return np.full((len(points), 2), np.nan)
-    at = {name: np.asarray(points[:, row[name]], np.float64) for name in used}
-    shoulders, hips = ((at[f"left_{name}"] + at[f"right_{name}"]) / 2 for name in ("shoulder", "hip"))
-    trunk = np.linalg.norm(shoulders - hips, axis=-1)
-    left, right = (np.max([at[f"{side}_{end}"][:, 1] for end in ends], axis=0) for side in SIDES)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        lower = np.clip((left - right) / trunk, -_MOST_TRUNKS, _MOST_TRUNKS)
+    row = _rows_in_trunks(points, names)
+    left, right = (np.max([row(f"{side}_{end}") for end in ("ankle", "heel", "toe")], axis=0) for side in SIDES)
+    lower = np.clip(left - right, -_MOST_TRUNKS, _MOST_TRUNKS)
     return np.stack([lower, -lower], 1)
+
+
+def hanging_posture(points: FloatArray, names: Sequence[str]) -> FloatArray:
+    """Return the posture of people who hang (N,), from 0 to 1: both arms raised, and toes that point down.
+
+    0 without finite keypoints of trunk, wrists and feet. Arguments as in :func:`lower_than_the_other`.
+    """
+    row = _rows_in_trunks(points, names)
+    raised = np.min([row(f"{side}_shoulder") - row(f"{side}_wrist") for side in SIDES], axis=0)
+    pointed = np.mean([row(f"{side}_toe") - row(f"{side}_heel") for side in SIDES], axis=0)
+    shares = np.clip(raised / _RAISED_TRUNKS, 0, 1) * np.clip(pointed / _POINTED_TRUNKS, 0, 1)
+    return np.asarray(np.nan_to_num(shares))
+
+
+def _rows_in_trunks(points: FloatArray, names: Sequence[str]) -> Callable[[str], FloatArray]:
+    """Return a function from a joint's name to its row in the picture (N,), in lengths of the trunk; NaN if unknown."""
+    columns = {name: j for j, name in enumerate(names)}
+
+    def at(name: str) -> FloatArray:
+        if name.endswith("toe"):
+            name = next((f"{name[:-3]}{one}" for one in _TOES if f"{name[:-3]}{one}" in columns), name)
+        return np.asarray(
+            points[:, columns[name]] if name in columns else np.full((len(points), 2), np.nan), np.float64
+        )
+
+    shoulders, hips = ((at(f"left_{name}") + at(f"right_{name}")) / 2 for name in ("shoulder", "hip"))
+    trunk = np.linalg.norm(shoulders - hips, axis=-1)
+    trunk[trunk == 0] = np.nan
+    return lambda name: at(name)[:, 1] / trunk
 
 
 def depth_beside(people: ObservedPeople, photo: Tensor) -> FloatArray:

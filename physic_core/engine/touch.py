@@ -26,27 +26,33 @@ LEAST_PROBABILITY = 0.5
 DEPTH_BESIDE = "depth beside"
 """Feature of feet, hands and seats: how far the depth beside the part in the picture is from its own."""
 
+HANGING = "hanging"
+"""Feature of feet and hands: how far the posture in the picture is that of people who hang."""
+
 Values = TypeVar("Values", NDArray[np.floating[Any]], Tensor)
 
 
-def touch_log_odds(kind: str, features: Mapping[str, Values]) -> Values:
-    """Return the log odds (...) that parts touch.
+def touch_log_odds(kind: str, features: Mapping[str, Values]) -> Values | float:
+    """Return the log odds (...) that parts touch; a number for a kind without features.
 
     Args:
-        kind: of the parts: "foot", "hand", "seat" or "other"; "foot in the picture" before people are placed.
-        features: name -> values (...).
+        kind: of the parts: "foot", "hand", "seat" or "other"; "foot in the picture" before people are placed; "unseen
+            foot", "unseen hand" or "unseen seat" if no pixel shows the part.
+        features: name -> values (...), more than the kind needs or as many.
 
     Raises:
         KeyError: a feature is missing.
     """
     constant, *weights = touch_model()[kind].items()
-    terms = [weight * features[name] for name, weight in weights]
-    return sum(terms[1:], terms[0] + constant[1])
+    odds: Values | float = constant[1]
+    for name, weight in weights:
+        odds = odds + weight * features[name]
+    return odds
 
 
 @cache
 def touch_model() -> Mapping[str, Mapping[str, float]]:
-    """Return kind of part -> "constant" and names of features -> weight; "unseen foot" and others have no features."""
+    """Return kind of part -> "constant" and names of features -> weight."""
     text = (files("physic_core.engine") / "touch.json").read_text(encoding="utf-8")
     parts: Mapping[str, Mapping[str, float]] = json.loads(text)["parts"]
     return parts

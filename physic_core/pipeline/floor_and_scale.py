@@ -214,16 +214,23 @@ def _people_seen(given: PeopleInScene, model: BodyModel) -> _Seen:
 def _stance_without_floor(given: PeopleInScene, observed: BoolArray) -> tuple[Stance, FloatArray]:
     """Return what keypoints and depth say of the touch of N people, and how likely (N,) their depth is right."""
     from physic_core.engine.placement.detections import ObservedPeople
-    from physic_core.engine.stance import Stance, depth_beside, depth_gaps_at_feet, lower_than_the_other, standing_prior
+    from physic_core.engine.stance import (
+        Stance,
+        depth_beside,
+        depth_gaps_at_feet,
+        hanging_posture,
+        lower_than_the_other,
+        standing_prior,
+    )
     from physic_core.geometry.tensors import optional_tensors, tensor
 
     people, keypoints = given.people, given.keypoints
     photo, scene = (tensor(np.where(m.valid, m.points[..., 2], np.nan)) for m in (given.photo, given.scene))
     (raised,) = optional_tensors(None if people.surfaces is None else people.surfaces.mask(*RAISED_SURFACES))
-    shown = (tensor(keypoints.points), tensor(keypoints.confidence), tensor(observed), tensor(people.masks))
-    detections = ObservedPeople(keypoints.joint_set, *shown)
-    lower = lower_than_the_other(keypoints.points, keypoints.joint_set.names)
-    stance = replace(Stance.unknown(len(people)), lower=lower)
+    seen = (tensor(keypoints.points), tensor(keypoints.confidence), tensor(observed), tensor(people.masks))
+    detections = ObservedPeople(keypoints.joint_set, *seen)
+    shown = keypoints.points, keypoints.joint_set.names
+    stance = replace(Stance.unknown(len(people)), lower=lower_than_the_other(*shown), hanging=hanging_posture(*shown))
     gap, among = depth_gaps_at_feet(detections, photo, scene, raised)
     stands, right = standing_prior(stance.touch, gap.numpy(), None if raised is None else among.numpy())
     return replace(stance, beside=depth_beside(detections, photo), stands=stands), right

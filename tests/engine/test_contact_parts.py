@@ -96,7 +96,6 @@ def test_a_result_has_the_probability_of_each_part_listed_or_not(body, make_stag
         alone(body, (torch.tensor([0.0, -1.0, 0.0]), 3.0), replace(Stance.unknown(1), beside=np.zeros((1, 5)))),
         vertices=stage.vertices,
         joints=stage.joints,
-        rotations=stage.problem.rotations0,
     )
     found = solve_contact(sits, METHOD)
     assert set(found.parts) == set(scene_parts_of_body(body))

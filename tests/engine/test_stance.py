@@ -16,23 +16,31 @@ from physic_core.engine.stance import (
     Stance,
     depth_beside,
     depth_gaps_at_feet,
+    hanging_posture,
     lower_than_the_other,
     standing_prior,
     touch_in_picture,
 )
 
 NAMES = tuple(
-    f"{side}_{part}" for side in ("left", "right") for part in ("shoulder", "hip", "ankle", "heel", "foot_tip")
+    f"{side}_{part}" for side in ("left", "right") for part in ("shoulder", "hip", "ankle", "heel", "foot_tip", "wrist")
 )
-STANDS = {"shoulder": (0, 0), "hip": (0, 100), "ankle": (0, 265), "heel": (-5, 272), "foot_tip": (15, 280)}
+STANDS = {
+    "shoulder": (0, 0),
+    "hip": (0, 100),
+    "ankle": (0, 265),
+    "heel": (-5, 272),
+    "foot_tip": (15, 280),
+    "wrist": (10, 100),
+}
 RAISED = {"ankle": (0, 195), "heel": (-2, 180), "foot_tip": (2, 205)}
 
 
-def person(left: dict[str, tuple[float, float]] | None = None):
-    """Keypoints (1, 10, 2) of a person who stands, seen from the front, the left side changed."""
+def person(left: dict[str, tuple[float, float]] | None = None, both: dict[str, tuple[float, float]] | None = None):
+    """Keypoints (1, 12, 2) of a person who stands, seen from the front, one or both sides changed."""
     points = []
     for x, changed in ((20, left), (-20, None)):
-        points += [(x + u, v) for u, v in (STANDS | (changed or {})).values()]
+        points += [(x + u, v) for u, v in (STANDS | (both or {}) | (changed or {})).values()]
     return np.array(points, np.float64)[None]
 
 
@@ -60,7 +68,7 @@ def test_the_height_of_feet_is_in_lengths_of_the_trunk_at_any_size_of_the_pictur
 
 def test_mirrored_people_have_mirrored_feet():
     points = person(left=RAISED)
-    mirrored = np.concatenate([points[:, 5:], points[:, :5]], 1) * [-1, 1]
+    mirrored = np.concatenate([points[:, 6:], points[:, :6]], 1) * [-1, 1]
     assert touch_in_picture(mirrored, NAMES) == pytest.approx(touch_in_picture(points, NAMES)[:, ::-1])
 
 
@@ -77,8 +85,27 @@ def test_legs_without_keypoints_are_those_of_an_average_foot(unknown):
     assert 0.5 < found[0] < 0.97
 
 
+ARMS_UP, TOES_DOWN = {"wrist": (5, -90)}, {"foot_tip": (0, 300)}
+
+
+@pytest.mark.parametrize(
+    ("changed", "posture"),
+    [({}, 0.0), (ARMS_UP, 0.4), (TOES_DOWN, 0.0), (ARMS_UP | TOES_DOWN, 1.0), ({"wrist": (5, -40)} | TOES_DOWN, 0.5)],
+)
+def test_people_hang_if_both_arms_are_raised_and_the_toes_point_down(changed, posture):
+    points = person(both=changed)
+    found = hanging_posture(3.0 * points, NAMES)
+    assert found.tolist() == pytest.approx([posture])
+    lowered = person(both={**changed, "wrist": STANDS["wrist"]})
+    assert (touch_in_picture(points, NAMES) < touch_in_picture(lowered, NAMES)).all() == (posture > 0)
+
+
+def test_a_person_who_raises_one_arm_does_not_hang():
+    assert hanging_posture(person(left=ARMS_UP | TOES_DOWN), NAMES).tolist() == [0.0]
+
+
 def test_nobody_has_no_feet():
-    assert touch_in_picture(np.zeros((0, 10, 2)), NAMES).shape == (0, 2)
+    assert touch_in_picture(np.zeros((0, 12, 2)), NAMES).shape == (0, 2)
 
 
 def test_a_foot_that_nothing_in_the_picture_is_as_near_as_touches_less():

@@ -5,7 +5,8 @@ that its distance is one number: the fifth smallest of its vertices, which is ro
 probability of its part, times how near it is to the surface beside the nearest vertices of the part, and how directly
 its skin faces the surface.
 
-The place of a part that no pixel shows is a guess, and its distance says nothing. It has the base rate of its kind.
+The place of a part that no pixel shows is a guess, and its distance says nothing. It has the base rate of its kind, and
+feet that of the posture.
 """
 
 from __future__ import annotations
@@ -23,17 +24,18 @@ from physic_core.engine.contact.problem import ContactInput
 from physic_core.engine.contact.regions import contact_regions
 from physic_core.engine.limbs import hip_bends
 from physic_core.engine.stance import Stance
-from physic_core.engine.touch import DEPTH_BESIDE, DISTANCE, touch_log_odds, touch_model
+from physic_core.engine.touch import DEPTH_BESIDE, DISTANCE, HANGING, touch_log_odds
 from physic_core.types.skeletons import SIDES
 
 SEAT = "seat"
 """Part of buttocks and thighs: what people sit on."""
 
 _KIND_OF = {"foot": "foot", "hand": "hand", "seat": SEAT, "upper_leg": SEAT}
+_RATED = ("foot", "hand", SEAT)  # kinds whose rate is known where no pixel shows them
 _GAP_VERTICES = 5
 _SIGMA_M = 0.05  # standard deviation of the distance of a part from the scene
 _MOST_BEND = 1.7  # radians; people who bend more do not sit more probably
-_SHOWN_SHARE = 0.3  # of the vertices of a part that the photo shows
+_SHOWN_SHARE = 0.5  # of the vertices of a part that the photo shows
 
 
 def scene_parts_of_body(model: BodyModel) -> dict[str, Tensor]:
@@ -63,8 +65,10 @@ def scene_contact(given: ContactInput, near: Distances) -> tuple[Tensor, dict[st
     parts = {}
     for name, features in part_features(given, at.gap).items():
         kind = kind_of_part(name)
-        odds, rate = touch_log_odds(kind, features), touch_model().get(f"unseen {kind}")
-        parts[name] = torch.sigmoid(odds if rate is None else torch.where(unseen[name], rate["constant"], odds))
+        odds = torch.as_tensor(touch_log_odds(kind, features))
+        if kind in _RATED:
+            odds = torch.where(unseen[name], touch_log_odds(f"unseen {kind}", features), odds)
+        parts[name] = torch.sigmoid(odds)
     limbs, model = given.part("hand", "foot"), contact_model().nearness
     far_m, power = (torch.where(limbs, model[f"{name}, hand or foot"], model[name]) for name in ("far_m", "facing"))
     of_vertex = torch.stack(list(parts.values()), 1)[:, _groups(given.model)]
@@ -121,7 +125,8 @@ def part_features(given: ContactInput, gap: Tensor) -> dict[str, dict[str, Tenso
     """Return part -> name of a feature -> values (N,): one reason for or against contact of the part with the scene.
 
     "distance" is that of the part in standard deviations, 0 inside, and at most that of the search radius. "bend at the
-    hips" is the smaller angle between trunk and thighs, radians; 0 is straight. "depth beside" is that of the stance.
+    hips" is the smaller angle between trunk and thighs, radians; 0 is straight. "depth beside" and "hanging" are those
+    of the stance.
 
     Args:
         given: bodies, and what the photo shows of them.
@@ -129,7 +134,7 @@ def part_features(given: ContactInput, gap: Tensor) -> dict[str, dict[str, Tenso
     """
     joints = given.joints
     stance = given.stance or Stance.unknown(len(joints))
-    beside = torch.tensor(stance.depth_beside).to(joints)
+    beside, hanging = (torch.tensor(values).to(joints) for values in (stance.depth_beside, stance.hanging))
     bend = hip_bends(joints).amin(1).clamp(max=_MOST_BEND).nan_to_num()
     found: dict[str, dict[str, Tensor]] = {}
     for name, own in zip(scene_parts_of_body(given.model), gap.T, strict=True):
@@ -138,6 +143,8 @@ def part_features(given: ContactInput, gap: Tensor) -> dict[str, dict[str, Tenso
         column = {"foot": side, "hand": 2 + side, SEAT: 4}.get(kind_of_part(name))
         if column is not None:
             found[name][DEPTH_BESIDE] = beside[:, column]
+        if kind_of_part(name) in ("foot", "hand"):
+            found[name][HANGING] = hanging
     found[SEAT]["bend at the hips"] = bend
     return found
 
