@@ -8,12 +8,14 @@ An image resized to another aspect has two focal lengths; each formula states wh
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from physic_core.types import FloatArray
+    from numpy.typing import NDArray
+
+    from physic_core.types import FloatArray, Hints, Intrinsics
 
 _LEAST_INVERSE, _MOST_INVERSE = 1e-4, 1e4  # 1 / m in depth_from_canonical_inverse; larger depths become 10 km
 
@@ -61,3 +63,11 @@ def depth_from_canonical(raw: FloatArray, focal_px: float, canonical_focal_px: f
     """
     metres: FloatArray = np.asarray(raw, np.float32) * np.float32(focal_px / canonical_focal_px)
     return metres
+
+
+def known_camera(hints: Hints, image: NDArray[Any]) -> Intrinsics | None:
+    """Return the intrinsics in ``hints``, scaled to the size of ``image``; None if the hints have no intrinsics."""
+    camera, (height, width) = hints.intrinsics, image.shape[:2]
+    if camera is None or (camera.width, camera.height) == (width, height):
+        return camera
+    return camera.resized(width, height)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.adapters.devices import DEVICE_PATTERN
 from physic_core.adapters.optimised_graphs import KeptGraph
-from physic_core.cache.network_results import cached_network_result
+from physic_core.cache.results import cached_network_result
 from physic_core.errors import BackendError, DeviceError
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Prepare photos for networks and map results back: resizing, letterboxing, normalisation.
+"""Prepare photos for networks and map results back: resizing, letterboxing, normalisation, masks to fill.
 
 Integer pixel coordinates are pixel centres. So coordinate x of an image becomes (x + 0.5) s - 0.5 after resizing by s.
 """
@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from physic_core.errors import InputError
+from physic_core.errors import BackendError, InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
-    from physic_core.types import FloatArray, UInt8Array
+    from physic_core.types import BoolArray, FloatArray, UInt8Array
 
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
 IMAGENET_STD = (0.229, 0.224, 0.225)
@@ -163,3 +165,56 @@ def _pillow(image: NDArray[Any], height: int, width: int, kind: str) -> NDArray[
     ]
     stacked = np.stack(resized, -1).reshape(height, width, *image.shape[2:])
     return stacked if image.dtype.kind == "f" else np.clip(np.rint(stacked), 0, 255).astype(image.dtype)
+
+
+def check_mask(image: UInt8Array, mask: BoolArray) -> BoolArray:
+    """Return the mask (H, W) of an image (H, W, 3) as bool, after checking its size.
+
+    Raises:
+        BackendError: its size differs from the image's, or it covers the complete image.
+    """
+    mask = np.asarray(mask, bool)
+    if mask.shape != image.shape[:2]:
+        raise BackendError(
+            f"the mask must have the image's size (H, W) = {image.shape[:2]}, got {mask.shape}: resize it first"
+        )
+    if mask.all():
+        raise BackendError("the mask covers the whole image, which leaves nothing to fill it from: pass a smaller one")
+    return mask
+
+
+def inpaint_masked(
+    image: UInt8Array, mask: BoolArray, rim: float, fill: Callable[[UInt8Array, BoolArray], UInt8Array]
+) -> UInt8Array:
+    """Inpaint the pixels of a mask; pixels outside it are not changed.
+
+    Args:
+        image: (H, W, 3).
+        mask: (H, W), True = fill.
+        rim: the mask passed to ``fill`` is dilated by this share of the long side.
+        fill: inpainting function of the image and the dilated mask; not called for an empty mask.
+
+    Raises:
+        BackendError: the mask's size differs from the image's, or it covers the complete image.
+    """
+    mask = check_mask(image, mask)
+    return np.where(mask[..., None], fill(image, dilate_mask(mask, rim)), image) if mask.any() else image.copy()
+
+
+def dilate_mask(mask: BoolArray, share: float) -> BoolArray:
+    """Dilate a mask by a disc, whose radius is ``share`` times the long side of the mask array.
+
+    The mask is unchanged if the result would cover the complete image.
+    """
+    wider = dilate(mask, share * max(mask.shape))
+    return mask if wider.all() else wider
+
+
+def dilate(mask: BoolArray, radius_px: float) -> BoolArray:
+    """Dilate a mask (H, W) by a disc of radius ``radius_px``, rounded."""
+    import cv2
+
+    radius = round(radius_px)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    wider: BoolArray = cv2.dilate(mask.astype(np.uint8), disc) > 0
+    return wider

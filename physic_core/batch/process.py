@@ -21,7 +21,7 @@ from physic_core.batch.contact_sheet import write_thumbnail
 from physic_core.batch.journal import COLUMNS, PEOPLE_COLUMN, THUMBNAIL
 from physic_core.batch.photos import PhotoItem, photo_folder
 from physic_core.batch.workers import peak_memory_mb
-from physic_core.cache.file_hashes import files_named_by
+from physic_core.cache.digests import files_named_by
 from physic_core.configuration.model import as_config
 from physic_core.configuration.resolve import require_available, resolve
 from physic_core.discovery.backends import find_backend, load_class

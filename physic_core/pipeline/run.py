@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING
 
-from physic_core.cache.digest import CodeDigester  # imported before any backend: it detects later edits of their code
+from physic_core.cache.digests import CodeDigester  # imported before any backend: it detects later edits of their code
 from physic_core.configuration.model import as_config
 from physic_core.configuration.resolve import ResolvedPipeline, require_available, resolve, resolve_one
 from physic_core.errors import ConfigError, InputError, PhysicError
@@ -219,7 +219,7 @@ class Pipeline:
     def _stages(self, progress: Progress | None, *, close: bool) -> StageRunner:
         run, cache = self.config.run, None
         if run.cache:
-            from physic_core.cache.result_cache import ResultCache
+            from physic_core.cache.results import ResultCache
 
             cache = ResultCache.in_users_folder(run.cache_mb, self._code)
         return StageRunner(
@@ -301,8 +301,8 @@ class _Given:
 def _reconstruct(
     photo: Photo, plan: ResolvedPipeline, given: _Given, stages: StageRunner, *, close: bool
 ) -> Reconstruction:
+    from physic_core.adapters.devices import limited_threads
     from physic_core.adapters.onnx_sessions import release_memory
-    from physic_core.adapters.threads import limited_threads
     from physic_core.body import load_body
     from physic_core.pipeline.estimate import ChosenByUser, run_backends
 

@@ -12,7 +12,7 @@ from dataclasses import KW_ONLY, dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, cast
 
-from physic_core.cache.network_results import network_results_in
+from physic_core.cache.results import network_results_in
 from physic_core.errors import BackendOutputError, PhysicError
 from physic_core.interfaces.backend import Result, call, contract_violations, interface_of
 from physic_core.interfaces.checks import require_image
@@ -20,7 +20,7 @@ from physic_core.pipeline.loaded_backends import LoadedBackends, wrap_plugin_err
 from physic_core.types import StageRecord
 
 if TYPE_CHECKING:
-    from physic_core.cache.result_cache import CacheKey, ResultCache
+    from physic_core.cache.results import CacheKey, ResultCache
     from physic_core.configuration.resolve import ResolvedBackend
     from physic_core.interfaces import Request
     from physic_core.weights.lock import FileUse
@@ -193,7 +193,7 @@ class StageRunner:
 
 def _copy(result: object) -> object:
     """Return a copy of a result, since the backend may write to its arrays later."""
-    from physic_core.cache.stored_results import canonicalize
+    from physic_core.cache.results import canonicalize
 
     return canonicalize(result)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from physic_core.adapters.threads import limited_threads
+from physic_core.adapters.devices import limited_threads
 from physic_core.body import load_body
 from physic_core.body.joints import JOINT_NAMES, PARENTS
 from physic_core.body.parameters import rotations_from_parameters

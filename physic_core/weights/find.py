@@ -11,7 +11,7 @@ from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
 
-from physic_core.cache.file_hashes import remembered_sha256
+from physic_core.cache.digests import remembered_sha256
 from physic_core.cache.folders import cache_folder
 from physic_core.discovery.close_names import format_choice, similar_names
 from physic_core.errors import BackendError, WeightsMissingError

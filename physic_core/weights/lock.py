@@ -16,7 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from physic_core.cache.file_hashes import remembered_sha256
+from physic_core.cache.digests import remembered_sha256
 from physic_core.cache.folders import cache_folder
 from physic_core.errors import WeightsMissingError
 

@@ -1,3 +1,5 @@
+"""Metric depth of a canonical camera, and the camera that is given."""
+
 from __future__ import annotations
 
 import math
@@ -9,7 +11,9 @@ from physic_core.adapters.canonical_depth import (
     depth_from_canonical,
     depth_from_canonical_inverse,
     focal_from_fov,
+    known_camera,
 )
+from physic_core.types import Hints, Intrinsics
 
 
 def test_a_right_angle_has_half_the_width_as_its_focal_length() -> None:
@@ -43,3 +47,12 @@ def test_canonical_depth_grows_with_the_focal_length() -> None:
     raw = np.array([[2.0, 4.0]], np.float32)
     np.testing.assert_allclose(depth_from_canonical(raw, 500.0, 1000.0), [[1.0, 2.0]])
     np.testing.assert_allclose(depth_from_canonical(raw, 600.0, 400.0), [[3.0, 6.0]])
+
+
+IMAGE = np.zeros((100, 200, 3), np.uint8)
+
+
+def test_a_known_camera_follows_the_size_of_the_image():
+    camera = known_camera(Hints(intrinsics=Intrinsics.from_focal(300.0, 400, 200)), IMAGE)
+    assert (camera.fx, camera.width, camera.height) == (150.0, 200, 100)
+    assert known_camera(Hints(), IMAGE) is None

@@ -1,4 +1,4 @@
-"""Photos into networks' form and maps back, against the libraries that define the form."""
+"""Pictures of networks: sizes, frames, colours and the pixels that are filled."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ from PIL import Image
 from physic_core.adapters.pictures import (
     IMAGENET_MEAN,
     IMAGENET_STD,
+    inpaint_masked,
     letterbox,
     normalized_nchw,
     resize_image,
     resize_map,
 )
+from physic_core.errors import BackendError
 
 rng = np.random.default_rng(5)
 PHOTO = rng.integers(0, 256, (37, 53, 3), np.uint8)
@@ -126,3 +128,42 @@ class TestLetterbox:
         assert back.shape == (60, 100)
         rows, columns = np.nonzero(back > 0.5)
         assert (rows.mean(), columns.mean()) == pytest.approx((24.5, 74.5), abs=0.1)
+
+
+IMAGE = np.arange(60 * 80 * 3, dtype=np.uint32).reshape(60, 80, 3).astype(np.uint8)
+
+
+def middle() -> np.ndarray:
+    mask = np.zeros((60, 80), bool)
+    mask[20:30, 30:50] = True
+    return mask
+
+
+def test_only_the_mask_is_filled_though_more_is_shown_as_a_hole():
+    shown = []
+    filled = inpaint_masked(IMAGE, middle(), 0.05, lambda image, hole: shown.append(hole) or np.zeros_like(image))
+    assert (filled[middle()] == 0).all()
+    assert (filled[~middle()] == IMAGE[~middle()]).all()
+    rows, columns = np.nonzero(shown[0])
+    assert (rows.min(), rows.max(), columns.min(), columns.max()) == (16, 33, 26, 53)
+
+
+def test_without_a_hole_the_network_is_not_called_and_a_copy_is_returned():
+    filled = inpaint_masked(IMAGE, np.zeros((60, 80), bool), 0.1, lambda image, hole: pytest.fail("asked"))
+    assert (filled == IMAGE).all()
+    assert not np.shares_memory(filled, IMAGE)
+
+
+@pytest.mark.parametrize(
+    ("mask", "words"),
+    [
+        (
+            np.zeros((80, 60), bool),
+            r"must have the image's size \(H, W\) = \(60, 80\), got \(80, 60\): resize it first",
+        ),
+        (np.ones((60, 80), bool), "covers the whole image, which leaves nothing to fill it from: pass a smaller one"),
+    ],
+)
+def test_a_mask_that_cannot_be_filled_is_refused(mask, words):
+    with pytest.raises(BackendError, match=words):
+        inpaint_masked(IMAGE, mask, 0.0, lambda image, hole: image)

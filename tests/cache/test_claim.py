@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from physic_core.cache.folders import CACHES, claim_folder
-from physic_core.cache.result_cache import CacheKey, ResultCache
+from physic_core.cache.results import CacheKey, ResultCache
 from physic_core.types import DepthMap
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="this system has no modes of files")

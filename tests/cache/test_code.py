@@ -11,15 +11,15 @@ from pathlib import Path
 
 import pytest
 
-from physic_core.cache import digest
-from physic_core.cache.digest import CodeDigester
+from physic_core.cache import digests
+from physic_core.cache.digests import CodeDigester
 from physic_core.interfaces import MetricDepth
 
 
 @pytest.fixture
 def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A folder to import from; its files count as older than this process."""
-    monkeypatch.setattr(digest, "_STARTED", float("inf"))
+    monkeypatch.setattr(digests, "_STARTED", float("inf"))
     monkeypatch.syspath_prepend(str(tmp_path))
     before = set(sys.modules)
     yield tmp_path
@@ -96,7 +96,7 @@ def test_an_edit_of_a_base_class_changes_the_digest(site: Path):
 
 def test_a_module_edited_after_the_start_has_no_digest(site: Path, monkeypatch: pytest.MonkeyPatch):
     kind = package(site)
-    monkeypatch.setattr(digest, "_STARTED", time.time() - 100)
+    monkeypatch.setattr(digests, "_STARTED", time.time() - 100)
     assert CodeDigester().digest(kind) is None
     for path in (site / "pack").rglob("*.py"):
         os.utime(path, (time.time() - 200,) * 2)

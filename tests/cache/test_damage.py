@@ -15,9 +15,9 @@ import pytest
 
 from physic_core.body.convert.correspondence import Correspondence
 from physic_core.cache import correspondences
-from physic_core.cache.digest import Digester
+from physic_core.cache.digests import Digester
 from physic_core.cache.folders import CACHES
-from physic_core.cache.result_cache import CacheKey, ResultCache
+from physic_core.cache.results import CacheKey, ResultCache
 from physic_core.files.plain import DamagedFileError, read_value, write_value
 from physic_core.types import DepthMap, Intrinsics
 

@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from physic_core.cache.digest import Digester
+from physic_core.cache.digests import Digester
 from physic_core.types import Hints, Intrinsics, Keypoints, Plane
 
 

@@ -10,14 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from physic_core.cache.file_hashes import remembered_sha256
+from physic_core.cache.digests import remembered_sha256
 
 LATER = """
 import hashlib, sys, time
 from pathlib import Path
 now = time.time_ns()
 time.time_ns = lambda: now + 10_000_000_000
-from physic_core.cache.file_hashes import remembered_sha256
+from physic_core.cache.digests import remembered_sha256
 if sys.argv[2] == "known":
     hashlib.file_digest = None
 print(remembered_sha256(Path(sys.argv[1])))

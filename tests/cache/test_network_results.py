@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physic_core.cache.network_results import cached_network_result, network_results_in
-from physic_core.cache.result_cache import ResultCache
+from physic_core.cache.results import ResultCache, cached_network_result, network_results_in
 
 IMAGE = np.arange(12, dtype=np.float32).reshape(1, 3, 2, 2)
 OUTPUTS = (np.array([[1.5, np.nan]], np.float32), np.zeros((0, 4), np.int64))

@@ -14,10 +14,9 @@ import pytest
 from pydantic import Field
 
 from physic_core import interfaces
-from physic_core.cache import digest
-from physic_core.cache import result_cache as module
-from physic_core.cache.result_cache import ResultCache
-from physic_core.cache.stored_results import canonicalize
+from physic_core.cache import digests
+from physic_core.cache import results as module
+from physic_core.cache.results import ResultCache, canonicalize
 from physic_core.types import DepthMap, Hands, Hints, Intrinsics, Keypoints, People, Provenance
 
 
@@ -43,7 +42,7 @@ ANSWER = DepthMap(np.full((6, 8), np.nan, np.float32), Intrinsics.from_focal(9, 
 @pytest.fixture(autouse=True)
 def _old_code(monkeypatch: pytest.MonkeyPatch) -> None:
     """Files that are edited while the tests run count as older than this process."""
-    monkeypatch.setattr(digest, "_STARTED", float("inf"))
+    monkeypatch.setattr(digests, "_STARTED", float("inf"))
 
 
 @pytest.fixture
@@ -227,7 +226,7 @@ HAMMER = """
 import sys
 from pathlib import Path
 import numpy as np
-from physic_core.cache.result_cache import ResultCache, CacheKey
+from physic_core.cache.results import ResultCache, CacheKey
 from physic_core.types import Hands
 cache = ResultCache(Path(sys.argv[1]), 40_000)
 for i in range(120):

@@ -17,7 +17,7 @@ from click.testing import CliRunner
 from PIL import Image
 
 from physic_core import Reconstruction, load_config, reconstruct
-from physic_core.cache.digest import CodeDigester
+from physic_core.cache.digests import CodeDigester
 from physic_core.cli import main
 from physic_core.discovery.backends import find_backend, list_backends, load_class
 from physic_core.interfaces import INTERFACES

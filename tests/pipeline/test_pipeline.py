@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from physic_core import Pipeline, body, load_config, reconstruct
-from physic_core.adapters.inpainting import dilate
+from physic_core.adapters.pictures import dilate
 from physic_core.configuration.model import PhotoSettings
 from physic_core.engine.joint.problem import OtherView
 from physic_core.errors import BodyModelError, DeviceError

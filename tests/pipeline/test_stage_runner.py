@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from physic_core import interfaces
-from physic_core.cache import digest
-from physic_core.cache.result_cache import ResultCache
+from physic_core.cache import digests
+from physic_core.cache.results import ResultCache
 from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.errors import BackendError, BackendOutputError, InputError, NoPersonError, PhysicError
 from physic_core.interfaces import MetricDepthRequest
@@ -63,7 +63,7 @@ LOADS = f"(tests/pipeline/test_stage_runner.py:{Counting.note.__code__.co_firstl
 @pytest.fixture(autouse=True)
 def events(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     monkeypatch.setattr(Counting, "events", [])
-    monkeypatch.setattr(digest, "_STARTED", float("inf"))
+    monkeypatch.setattr(digests, "_STARTED", float("inf"))
     return Counting.events
 
 

@@ -135,7 +135,7 @@ class OmniEraser(TorchBackend, Inpainter):
             InputError: the image is not a valid photo.
             BackendError: the mask has another size or leaves nothing to go by, or load() was not called.
         """
-        from physic_core.adapters.inpainting import inpaint_masked
+        from physic_core.adapters.pictures import inpaint_masked
 
         self.network  # noqa: B018 -- raises an error if it is not loaded
         return inpaint_masked(image, mask, 0.0, self._fill)

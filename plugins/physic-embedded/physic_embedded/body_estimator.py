@@ -81,8 +81,8 @@ class EmbeddedBodies(BodyEstimator):
         """
         import torch
 
-        from physic_core.adapters.observed import observed_joints
-        from physic_core.adapters.threads import limited_threads
+        from physic_core.adapters.bodies import observed_joints
+        from physic_core.adapters.devices import limited_threads
         from physic_core.body.parameters import parameters_from_rotations
         from physic_core.types import Bodies
         from physic_embedded.body_fit.fit import fit_outlines

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.inpainting import inpaint_masked
+from physic_core.adapters.pictures import inpaint_masked
 from physic_core.interfaces import Inpainter, Options
 from physic_embedded.networks.sessions import PackagedBackend
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.cameras import known_camera
+from physic_core.adapters.canonical_depth import known_camera
 from physic_core.adapters.pictures import resize_map
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options, RelativePointmap

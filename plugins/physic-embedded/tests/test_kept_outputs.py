@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physic_core.cache.network_results import network_results_in
-from physic_core.cache.result_cache import ResultCache
+from physic_core.cache.results import ResultCache, network_results_in
 from physic_embedded.networks.depth_anything import predict_disparity
 from physic_embedded.networks.line_segments import detect_line_segments
 from physic_embedded.networks.mobile_sam import embed_image

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from physic_core.adapters.detections import box_iou
+from physic_core.adapters.people import box_iou
 from physic_embedded.networks.sessions import open_packaged_session
 from physic_embedded.networks.yolox import CLASSES, PADDING_VALUE, detect_boxes
 

@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from physic_core.adapters.bodies import SeenConfidence, empty_bodies, observed_joints
 from physic_core.adapters.checkouts import Checkout
-from physic_core.adapters.crops import crop_around_box, padded_region, resample_crop
 from physic_core.adapters.networks import picture_tensor, to_numpy
-from physic_core.adapters.observed import SeenConfidence, observed_joints
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, letterbox, normalized_nchw
-from physic_core.adapters.smpl import empty_bodies
+from physic_core.adapters.top_down import crop_around_box, padded_region, resample_crop
 from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator, Options
 from physic_human.crop_camera import camerahmr_inputs, translation_from_crop

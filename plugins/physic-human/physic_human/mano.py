@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.adapters.rotations import to_rotvecs
+from physic_core.adapters.bodies import to_rotvecs
 from physic_core.types import Hands
 
 if TYPE_CHECKING:

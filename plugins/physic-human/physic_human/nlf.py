@@ -16,9 +16,14 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from physic_core.adapters.bodies import (
+    SeenConfidence,
+    bodies_from_smpl,
+    empty_bodies,
+    observed_joints,
+    parameters_from_rotvecs,
+)
 from physic_core.adapters.networks import TorchBackend, to_numpy
-from physic_core.adapters.observed import SeenConfidence, observed_joints
-from physic_core.adapters.smpl import bodies_from_smpl, empty_bodies, parameters_from_rotvecs
 from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator, Options, Packages, Requirement
 from physic_core.types import Bodies, Mesh

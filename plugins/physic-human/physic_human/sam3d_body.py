@@ -15,10 +15,15 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
+from physic_core.adapters.bodies import (
+    MHR_KEYPOINTS,
+    SeenConfidence,
+    empty_bodies,
+    joints_from_mhr70,
+    observed_joints,
+    parameters_from_rotvecs,
+)
 from physic_core.adapters.checkouts import Checkout
-from physic_core.adapters.mhr import NUM_KEYPOINTS, joints_from_keypoints
-from physic_core.adapters.observed import SeenConfidence, observed_joints
-from physic_core.adapters.smpl import empty_bodies, parameters_from_rotvecs
 from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.interfaces import BodyEstimator, Options, Requirement
 from physic_core.types import Bodies, Mesh
@@ -159,7 +164,7 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
         if not uses_principal_point(estimator.cfg):
             place[:, :2] += _principal_point_shift(image, intrinsics) * place[:, 2:]
         vertices = np.stack([np.asarray(one["pred_vertices"], np.float32) for one in found]) + place[:, None]
-        points = np.stack([np.asarray(one["pred_keypoints_3d"], np.float32)[:NUM_KEYPOINTS] for one in found])
+        points = np.stack([np.asarray(one["pred_keypoints_3d"], np.float32)[:MHR_KEYPOINTS] for one in found])
         zero = np.zeros((len(people), 22, 3), np.float32)
         betas = np.stack([np.asarray(one.get("shape_params", ()), np.float32).reshape(-1) for one in found])
         mesh = Mesh("mhr", vertices, np.asarray(estimator.faces, np.int32))
@@ -167,7 +172,7 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
             parameters_from_rotvecs(zero, betas, place),
             "mhr",
             observed=observed_joints(keypoints, image.shape[0], image.shape[1], self.options.seen_confidence),
-            joints=joints_from_keypoints(points + place[:, None]),
+            joints=joints_from_mhr70(points + place[:, None]),
             mesh=mesh,
         )
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.adapters.rotations import to_rotvecs
-from physic_core.adapters.smpl import SMPL_JOINTS, bodies_from_smpl
+from physic_core.adapters.bodies import SMPL_JOINTS, bodies_from_smpl, to_rotvecs
 from physic_core.errors import WeightsMissingError
 from physic_core.interfaces import UserFile
 from physic_core.types import Mesh

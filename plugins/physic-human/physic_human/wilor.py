@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.checkouts import Checkout
-from physic_core.adapters.crops import antialias_sigma, crop_around_box, resample_crop
+from physic_core.adapters.top_down import antialias_sigma, crop_around_box, resample_crop
 from physic_core.errors import BackendError
 from physic_core.interfaces import HandEstimator, Options, Share
 from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions

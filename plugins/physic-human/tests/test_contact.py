@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.adapters.smpl import empty_bodies
+from physic_core.adapters.bodies import empty_bodies
 from physic_core.types import People
 from physic_human.deco import Deco, DecoOptions
 from physic_human.user_smpl import load_rest_mesh

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from physic_core import interfaces
-from physic_core.adapters.detections import box_iou
+from physic_core.adapters.people import box_iou
 from physic_core.types import Keypoints, skeleton_named
 from physic_mock.noise import bernoulli, seeded_rng
 from physic_mock.recognition import MockOptions, match_masks_to_world, recognise_world

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.adapters.detections import box_iou
+from physic_core.adapters.people import box_iou
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.types import Hints, People
 from physic_mock.backends import (

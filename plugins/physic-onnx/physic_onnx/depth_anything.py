@@ -219,7 +219,7 @@ class DepthAnythingRelative(OnnxBackend, RelativePointmap):
         self, hints: Hints, image: UInt8Array, matrix: FloatArray | None, seen: tuple[int, ...]
     ) -> tuple[Intrinsics, tuple[str, ...]]:
         """Return the known camera, else the network's, else a default; and notes."""
-        from physic_core.adapters.cameras import known_camera
+        from physic_core.adapters.canonical_depth import known_camera
 
         known = known_camera(hints, image)
         if known is not None:

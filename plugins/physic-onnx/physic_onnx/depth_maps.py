@@ -75,7 +75,7 @@ def required_camera(hints: Hints, image: NDArray[Any], name: str) -> Intrinsics:
     Raises:
         BackendError: none is known, and the network called ``name`` gives no metres without.
     """
-    from physic_core.adapters.cameras import known_camera
+    from physic_core.adapters.canonical_depth import known_camera
 
     camera = known_camera(hints, image)
     if camera is None:

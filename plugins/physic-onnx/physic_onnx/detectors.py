@@ -15,7 +15,7 @@ from .contract import GraphSignature, PortMatch, PortSpec, match_signature
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.adapters.detections import Detections
+    from physic_core.adapters.people import Detections
     from physic_core.adapters.pictures import Letterbox
     from physic_core.types import FloatArray, UInt8Array
 
@@ -78,7 +78,7 @@ class Detector:
         Raises:
             BackendError: the network answers what this signature does not know.
         """
-        from physic_core.adapters.detections import Detections, clip_boxes, nms
+        from physic_core.adapters.people import Detections, clip_boxes, nms
 
         boxes, scores, joints = _DECODERS[self.signature](self._match, self.network, image, self._size)
         height, width = image.shape[:2]
@@ -117,7 +117,7 @@ def _letterbox_bgr(image: UInt8Array, size: tuple[int, ...]) -> tuple[FloatArray
 def _decode_yolox(match: PortMatch, network: Network, image: UInt8Array, size: tuple[int, ...]) -> Answer:
     """Run YOLOX and decode its head: per cell an offset, a log size, an objectness and 80 class scores."""
 
-    from physic_core.adapters.detections import xyxy_from_cxcywh
+    from physic_core.adapters.people import xyxy_from_cxcywh
 
     frame, box = _letterbox_bgr(image, size)
     (raw,) = match.run(network, {"images": frame}, ["output"])
@@ -165,7 +165,7 @@ def _decode_nms(match: PortMatch, network: Network, image: UInt8Array, size: tup
 def _decode_rt_detr(match: PortMatch, network: Network, image: UInt8Array, size: tuple[int, ...]) -> Answer:
     """Run RT-DETR: 300 queries with logits of 80 classes, and centred boxes in shares of the photo."""
 
-    from physic_core.adapters.detections import sigmoid, xyxy_from_cxcywh
+    from physic_core.adapters.people import sigmoid, xyxy_from_cxcywh
     from physic_core.adapters.pictures import normalized_nchw, resize_image
 
     frame = normalized_nchw(resize_image(image, size[0], size[1], "bilinear-antialias"))

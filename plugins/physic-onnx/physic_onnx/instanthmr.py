@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.observed import SeenConfidence
+from physic_core.adapters.bodies import SeenConfidence
 from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator
 
@@ -21,7 +21,7 @@ from .contract import GraphSignature, PortSpec
 from .one_graph import WEIGHTS_HELP, OnnxBackend, OnnxBackendOptions
 
 if TYPE_CHECKING:
-    from physic_core.adapters.crops import Crop
+    from physic_core.adapters.top_down import Crop
     from physic_core.types import Bodies, FloatArray, Hints, Intrinsics, Keypoints, People, UInt8Array
 
     from .one_graph import LoadedGraph
@@ -81,9 +81,13 @@ class InstantHmr(OnnxBackend, BodyEstimator):
         Raises:
             BackendError: it is not loaded, or the network fails.
         """
-        from physic_core.adapters.mhr import NUM_KEYPOINTS, joints_from_keypoints
-        from physic_core.adapters.observed import observed_joints
-        from physic_core.adapters.smpl import empty_bodies, parameters_from_rotvecs
+        from physic_core.adapters.bodies import (
+            MHR_KEYPOINTS,
+            empty_bodies,
+            joints_from_mhr70,
+            observed_joints,
+            parameters_from_rotvecs,
+        )
         from physic_core.types import Bodies
 
         from .top_down import crop_batch, run_batches
@@ -96,10 +100,10 @@ class InstantHmr(OnnxBackend, BodyEstimator):
             "cliff_cond": box_condition(people.boxes, image.shape[0], image.shape[1]),
         }
         shape, place, points = run_batches(loaded, feed, ["shape_params", "cam_trans", "joints_3d"], self.options.batch)
-        if place.shape[1:] != (3,) or points.shape[1:] != (NUM_KEYPOINTS, 3):
+        if place.shape[1:] != (3,) or points.shape[1:] != (MHR_KEYPOINTS, 3):
             raise BackendError(
                 f"{loaded.network.name} returned cam_trans {place.shape} and joints_3d {points.shape}: "
-                f"({len(people)}, 3) and ({len(people)}, {NUM_KEYPOINTS}, 3) were expected"
+                f"({len(people)}, 3) and ({len(people)}, {MHR_KEYPOINTS}, 3) were expected"
             )
         hips = points[:, list(HIPS)].mean(axis=1)
         transl = move_to_camera(place + hips, image.shape[0], image.shape[1], intrinsics) - hips
@@ -107,13 +111,13 @@ class InstantHmr(OnnxBackend, BodyEstimator):
             parameters_from_rotvecs(np.zeros((len(people), 22, 3), np.float32), shape, transl),
             "mhr",
             observed=observed_joints(keypoints, image.shape[0], image.shape[1], self.options.seen_confidence),
-            joints=joints_from_keypoints(points + transl[:, None]),
+            joints=joints_from_mhr70(points + transl[:, None]),
         )
 
 
 def square_crop(box: FloatArray) -> Crop:
     """Return the crop of a person's box (4,), as InstantHMR cuts it: its edges are rounded outwards to whole pixels."""
-    from physic_core.adapters.crops import Crop, padded_region
+    from physic_core.adapters.top_down import Crop, padded_region
 
     middle, size = padded_region(box, 1.0, MARGIN)
     low = np.floor(middle + 0.5 - size / 2)

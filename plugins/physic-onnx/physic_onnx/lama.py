@@ -91,7 +91,7 @@ class Lama(OnnxBackend, Inpainter):
             InputError: the image is not a valid photo.
             BackendError: the mask has another size or leaves nothing to go by, or load() was not called.
         """
-        from physic_core.adapters.inpainting import inpaint_masked
+        from physic_core.adapters.pictures import inpaint_masked
 
         from .holes import inpaint_in_crops
 

@@ -75,8 +75,7 @@ class RtmPose(OnnxBackend, KeypointDetector):
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
         """Return keypoints of N people. A joint's confidence is the lower one of its peaks in x and y."""
 
-        from physic_core.adapters.crops import crop_around_box
-        from physic_core.adapters.heatmaps import scores_to_confidence
+        from physic_core.adapters.top_down import crop_around_box, scores_to_confidence
         from physic_core.types import Keypoints
 
         from .top_down import SKELETON_BY_JOINTS, crop_batch, run_batches, size_or_default, skeleton_name

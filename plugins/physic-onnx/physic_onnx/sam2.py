@@ -16,7 +16,7 @@ from physic_core.weights import fingerprint, missing
 from .options import OnnxOptions
 
 if TYPE_CHECKING:
-    from physic_core.adapters.detections import Detections
+    from physic_core.adapters.people import Detections
     from physic_core.types import BoolArray, FloatArray, People, UInt8Array
 
     from .detectors import Detector
@@ -110,8 +110,7 @@ class Sam2(NetworkBackend, Segmenter):
         """
         from dataclasses import replace
 
-        from physic_core.adapters.detections import Detections
-        from physic_core.adapters.people import people_from_masks
+        from physic_core.adapters.people import Detections, people_from_masks
         from physic_core.adapters.pictures import resize_map
 
         from .sam2_floor import floor_mask

@@ -13,7 +13,7 @@ from physic_core.errors import BackendError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.adapters.crops import Crop
+    from physic_core.adapters.top_down import Crop
     from physic_core.types import FloatArray, UInt8Array
 
     from .one_graph import LoadedGraph
@@ -49,8 +49,8 @@ def crop_batch(image: UInt8Array, crops: Sequence[Crop], *, bgr: bool = False) -
         bgr: exchange red and blue first; mean and deviation stay where they are.
     """
 
-    from physic_core.adapters.crops import resample_crop
     from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw
+    from physic_core.adapters.top_down import resample_crop
 
     cuts = [resample_crop(image, crop) for crop in crops]
     return np.concatenate([normalized_nchw(c[..., ::-1] if bgr else c, IMAGENET_MEAN, IMAGENET_STD) for c in cuts])

@@ -23,7 +23,7 @@ from .one_graph import WEIGHTS_HELP, OnnxBackend, OnnxBackendOptions
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.adapters.crops import PixelAlignment
+    from physic_core.adapters.top_down import PixelAlignment
     from physic_core.types import FloatArray, Keypoints, People, UInt8Array
 
     from .one_graph import LoadedGraph
@@ -86,8 +86,7 @@ class VitPose(OnnxBackend, KeypointDetector):
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
         """Return keypoints of N people; the confidence of a joint is the peak of its heatmap."""
 
-        from physic_core.adapters.crops import crop_around_box
-        from physic_core.adapters.heatmaps import scores_to_confidence, subpixel_peaks
+        from physic_core.adapters.top_down import crop_around_box, scores_to_confidence, subpixel_peaks
         from physic_core.types import Keypoints
 
         from .top_down import crop_batch, skeleton_name

@@ -11,7 +11,7 @@ import onnx
 import onnxruntime
 import pytest
 
-from physic_core.adapters.mhr import joints_from_keypoints
+from physic_core.adapters.bodies import joints_from_mhr70
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.errors import BackendError
 from physic_core.types import Hints, Intrinsics, Keypoints, People
@@ -105,7 +105,7 @@ def test_in_its_own_camera_bodies_are_those_of_the_published_steps(graph_file: A
     path = graph_file()
     found = loaded(path, batch=batch).infer(IMAGE, PEOPLE, OWN_CAMERA, NO_KEYPOINTS, Hints())
     expected = [as_published(path, IMAGE, box) for box in BOXES]
-    joints = joints_from_keypoints(np.stack([points for points, _ in expected]))
+    joints = joints_from_mhr70(np.stack([points for points, _ in expected]))
     assert found.body_model == "mhr"
     # The crops differ by one grey level at most, which these weights make 2 mm; one pixel aside is 20 mm.
     np.testing.assert_allclose(found.joints, joints, atol=3e-3)

@@ -17,7 +17,7 @@ import pytest
 from click.testing import CliRunner
 
 from physic_core import Reconstruction, load_backend
-from physic_core.adapters.detections import Detections
+from physic_core.adapters.people import Detections
 from physic_core.cli import main
 from physic_core.weights import missing, read_manifest
 from physic_onnx.options import OnnxOptions

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from physic_core import Pipeline
-from physic_core.adapters.observed import observed_joints
+from physic_core.adapters.bodies import observed_joints
 from physic_core.body.ages import ADULT_YEARS
 from physic_core.body.joints import NUM_JOINTS
 from physic_core.configuration.resolve import resolve

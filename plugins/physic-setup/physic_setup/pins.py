@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 
-from physic_core.cache.file_hashes import remembered_sha256
+from physic_core.cache.digests import remembered_sha256
 from physic_core.errors import OutputError
 from physic_core.weights.lock import lock_file_path, read_lock
 from physic_core.weights.manifest import WeightSet

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.cameras import known_camera
-from physic_core.adapters.canonical_depth import depth_from_canonical_inverse, focal_from_fov
+from physic_core.adapters.canonical_depth import depth_from_canonical_inverse, focal_from_fov, known_camera
 from physic_core.adapters.networks import picture_tensor, to_numpy
 from physic_core.adapters.pictures import resize_map
 from physic_core.errors import BackendError, DeviceError

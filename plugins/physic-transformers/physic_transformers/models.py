@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from physic_core.adapters.devices import limited_threads
 from physic_core.adapters.networks import TorchBackend
-from physic_core.adapters.threads import limited_threads
 from physic_core.errors import BackendError, DeviceError
 from physic_core.interfaces import Options
 

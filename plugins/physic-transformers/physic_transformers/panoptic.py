@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.adapters.detections import sigmoid
-from physic_core.adapters.people import people_from_masks
+from physic_core.adapters.people import people_from_masks, sigmoid
 from physic_core.adapters.pictures import resize_image, resize_map
 
 if TYPE_CHECKING:

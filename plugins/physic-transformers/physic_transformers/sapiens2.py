@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.crops import crop_around_box, resample_crop
-from physic_core.adapters.heatmaps import scores_to_confidence, subpixel_peaks
 from physic_core.adapters.networks import picture_tensor, run_in_batches
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD
+from physic_core.adapters.top_down import crop_around_box, resample_crop, scores_to_confidence, subpixel_peaks
 from physic_core.errors import BackendError
 from physic_core.interfaces import KeypointDetector, Options
 from physic_core.types import Keypoints

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.adapters.crops import crop_around_box, resample_crop
+from physic_core.adapters.top_down import crop_around_box, resample_crop
 from physic_core.types import Hints, People
 from physic_transformers import depth_pro, grounded_sam2, zoedepth
 from physic_transformers.sapiens2 import KEYPOINT_OF_WHOLEBODY, Sapiens2

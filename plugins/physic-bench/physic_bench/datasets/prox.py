@@ -40,7 +40,7 @@ from physic_bench.reading import (
     reading,
     rotation,
 )
-from physic_core.adapters.detections import box_iou
+from physic_core.adapters.people import box_iou
 from physic_core.errors import InputError
 
 if TYPE_CHECKING:

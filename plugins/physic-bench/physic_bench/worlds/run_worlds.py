@@ -104,7 +104,7 @@ def run_world(case: WorldCase, work: BenchmarkJob) -> Record:
         "name", "seed", "people" (truth), "false_alarms", "error" of the estimators, and "rows" by key: each with
         "people" and "scene" of :class:`physic_bench.worlds.evaluation.Evaluator`, "seconds", "warnings" and "error".
     """
-    from physic_core.adapters.threads import limited_threads
+    from physic_core.adapters.devices import limited_threads
 
     with limited_threads(work.config.run.threads):
         return _record(case, work)

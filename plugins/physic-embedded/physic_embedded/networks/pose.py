@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.adapters.detections import sigmoid
+from physic_core.adapters.people import sigmoid
 from physic_embedded.networks.crops import RotatedSquare
 
 if TYPE_CHECKING:

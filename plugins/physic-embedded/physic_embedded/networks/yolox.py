@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from physic_core.adapters.detections import Detections, box_iou, nms, xyxy_from_cxcywh
+from physic_core.adapters.people import Detections, box_iou, nms, xyxy_from_cxcywh
 from physic_core.adapters.pictures import letterbox
 from physic_embedded.networks.tiles import tiles
 

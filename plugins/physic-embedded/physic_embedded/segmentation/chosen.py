@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.adapters.detections import box_iou
-from physic_core.adapters.people import boxes_from_masks
+from physic_core.adapters.people import box_iou, boxes_from_masks
 from physic_core.errors import NoPersonError
 from physic_embedded.networks.crops import ImagePyramid
 from physic_embedded.networks.mobile_sam import predict_masks

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from physic_core.adapters.detections import box_iou
+from physic_core.adapters.people import box_iou
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare, letterbox_square
 from physic_embedded.networks.pose import average_agreeing, person_square, predict_pose
 from physic_embedded.networks.single_shot_detection import BoxDetection, anchor_centers, decode_detections
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from physic_core.adapters.detections import Detections
     from physic_core.adapters.onnx_sessions import OnnxSession
+    from physic_core.adapters.people import Detections
     from physic_embedded.networks.pose import Pose
     from physic_embedded.networks.yolox import Found
 

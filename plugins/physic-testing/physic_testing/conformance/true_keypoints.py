@@ -63,10 +63,10 @@ def world_mhr_keypoints(world: World) -> FloatArray:
     """
     import torch
 
-    from physic_core.adapters.mhr import JOINT_BY_KEYPOINT, NUM_KEYPOINTS
+    from physic_core.adapters.bodies import JOINT_BY_KEYPOINT, MHR_KEYPOINTS
     from physic_core.body import JOINT_INDEX, load_body
 
-    points = np.repeat(world.joints[:, None, JOINT_INDEX["head"]], NUM_KEYPOINTS, axis=1).astype(np.float64)
+    points = np.repeat(world.joints[:, None, JOINT_INDEX["head"]], MHR_KEYPOINTS, axis=1).astype(np.float64)
     points[:, list(JOINT_BY_KEYPOINT)] = world.joints[:, list(JOINT_BY_KEYPOINT.values())]
     regressor = load_body(world.body_model).regressor("coco23")
     vertices = torch.from_numpy(world.vertices.copy()).index_select(1, regressor.vertex_ids)

@@ -1,8 +1,9 @@
-"""Cache of backend results: with equal inputs, a backend is neither called nor loaded.
+"""Cache of results: with equal inputs, a backend is neither called nor loaded, and a network does not run.
 
 The key is a digest of everything that can change a result: the inputs; the backend (interface, name, distribution,
 version, code, required libraries, options, device, files in the options, and its ``fingerprint``); and the version of
-its interface. If you change one backend, only it and the backends whose inputs change run again.
+its interface. If you change one backend, only it and the backends whose inputs change run again. A backend whose other
+inputs changed can still take the outputs of its networks from the cache.
 
 The folder is ``$XDG_CACHE_HOME/physic/results``, or the system's default cache folder. Set ``PHYSIC_CACHE`` to another
 folder, or to "off".
@@ -10,21 +11,26 @@ folder, or to "off".
 
 from __future__ import annotations
 
+import copy
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar, get_origin
 
-from physic_core.cache.digest import CodeDigester, Digester
-from physic_core.cache.file_hashes import files_named_by
+import numpy as np
+from numpy.typing import NDArray
+
+from physic_core import types
+from physic_core.cache.digests import CodeDigester, Digester, files_named_by
 from physic_core.cache.folders import CACHES, LruFolder, claimed_cache
-from physic_core.cache.stored_results import KINDS, restored
 from physic_core.discovery.entry_points import required_versions
 from physic_core.errors import OutputError
 from physic_core.files.npz import MAX_ARRAY_BYTES
-from physic_core.files.plain import Arrays, DamagedFileError, read_value, split, write_value
+from physic_core.files.plain import Arrays, DamagedFileError, join, read_value, split, write_value
 from physic_core.interfaces import INTERFACES
 
 if TYPE_CHECKING:
@@ -32,6 +38,63 @@ if TYPE_CHECKING:
 
     from physic_core.interfaces import Backend
     from physic_core.types import Provenance
+
+_T = TypeVar("_T")
+
+KINDS = (
+    types.Bodies,
+    types.BodyParameters,
+    types.ContactProbability,
+    types.DepthMap,
+    types.Hands,
+    types.Intrinsics,
+    types.Keypoints,
+    types.Mesh,
+    types.People,
+    types.Pointmap,
+    types.RestMesh,
+    types.Skeleton,
+    types.SurfaceLabels,
+    types.UnposedPerson,
+    NDArray[Any],
+    tuple[NDArray[Any], ...],
+)
+"""Types of results that can be stored; the last one is that of networks."""
+
+
+def canonicalize(result: _T) -> _T:
+    """Convert a result to the form that the cache returns, so that runs with and without cache agree bit for bit.
+
+    Arrays become C-contiguous copies, since their order in memory changes sums, and since the backend may use its
+    arrays again; NumPy scalars become Python numbers. Of a result that cannot be stored, a deep copy is returned.
+    """
+    try:
+        return restored(result, copies=True)
+    except TypeError:
+        return copy.deepcopy(result)
+
+
+def restored(result: _T, *, copies: bool = False) -> _T:
+    """Return a result as it is after it was stored, with its own arrays or with C-contiguous copies.
+
+    Raises:
+        TypeError: it cannot be stored.
+    """
+    arrays: Arrays = {}
+    kind = next((one for one in KINDS if type(result) is (get_origin(one) or one)), None)
+    if kind is None:
+        raise TypeError(f"a {type(result).__name__} cannot be stored.")
+    document = split(result, arrays)
+    if any(array.dtype.hasobject for array in arrays.values()):
+        raise TypeError("an array of Python objects cannot be stored.")
+    if copies:
+        arrays = {name: np.array(array, order="C") for name, array in arrays.items()}
+    try:
+        same: _T = join(kind, document, arrays)
+    except ValueError as error:
+        raise TypeError(f"{error}: it cannot be stored.") from error
+    return same
+
 
 _VERSION = 4
 """Version of the file format; increase it if old files would be read differently or fail a stricter validation."""
@@ -107,7 +170,7 @@ class ResultCache:
         return CacheKey(f"{who.interface}-{_plain(who.backend)}-{name}{self._files.suffix}", parts)
 
     def network_key(self, name: str, made_of: str, inputs: Mapping[str, NDArray[Any]]) -> CacheKey:
-        """Compute the cache key of the outputs of a network; see :mod:`physic_core.cache.network_results`."""
+        """Compute the cache key of the outputs of a network; see :mod:`physic_core.cache.results`."""
         digest = Digester().digest(_VERSION, made_of, inputs)  # one of its own: it does not keep the inputs alive
         return CacheKey(f"network-{_plain(name)}-{digest}{self._files.suffix}", {"interface": "network", "name": name})
 
@@ -167,3 +230,38 @@ class ResultCache:
 def _plain(name: str) -> str:
     """Convert a backend's name to a part of a file name."""
     return re.sub(r"[^\w.-]+", "_", name)[:60]
+
+
+_CACHE: ContextVar[ResultCache | None] = ContextVar("cache of network results", default=None)
+
+
+@contextmanager
+def network_results_in(cache: ResultCache | None) -> Iterator[None]:
+    """Keep outputs of networks in a cache inside the block, in this thread; None keeps none."""
+    token = _CACHE.set(cache)
+    try:
+        yield
+    finally:
+        _CACHE.reset(token)
+
+
+def cached_network_result(
+    name: str, made_of: str, inputs: Mapping[str, NDArray[Any]], compute: Callable[[], tuple[NDArray[Any], ...]]
+) -> tuple[NDArray[Any], ...]:
+    """Return the outputs of a network for these inputs from the cache, or compute and keep them.
+
+    Args:
+        name: of the network, a part of the name of the file.
+        made_of: what determines the outputs beside the inputs: weights, runtime, names of the outputs.
+        inputs: of the network, by name.
+        compute: runs the network.
+    """
+    cache = _CACHE.get()
+    if cache is None:
+        return compute()
+    key = cache.network_key(name, made_of, inputs)
+    found: Any = cache.read(key)
+    if found is None:
+        found = compute()
+        cache.write(key, found)
+    return tuple(found)
