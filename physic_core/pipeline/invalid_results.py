@@ -35,12 +35,10 @@ def discard_invalid_keypoints(keypoints: Keypoints) -> tuple[Keypoints, BoolArra
         return keypoints, ~valid
     one = int(valid.argmax())
     confidence = np.where(valid[:, None], keypoints.confidence, 0)
-    points, world = keypoints.points.copy(), keypoints.world
-    points[~valid] = points[one]
-    if world is not None:
-        world = world.copy()
-        world[~valid] = world[one]
-    return replace(keypoints, points=points, confidence=confidence, world=world), ~valid
+    given = {name: getattr(keypoints, name) for name in ("points", "world", "sigma", "depth_sigma")}
+    rows = np.where(valid, np.arange(len(valid)), one)
+    others = {name: value[rows] for name, value in given.items() if value is not None}
+    return replace(keypoints, confidence=confidence, **others), ~valid
 
 
 def discard_invalid_bodies(bodies: Bodies) -> tuple[Bodies, BoolArray]:

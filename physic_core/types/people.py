@@ -28,12 +28,17 @@ class Keypoints(ShortRepr):
             detector's own.
         world: (N, J, 3) metres, or None. Axes of a camera that looks straight at the person (x right, y down, z away),
             origin between the hips: what single-person pose networks call world landmarks.
+        sigma: (N, J) px, standard deviation of each of a point's two coordinates, or None if the detector states none.
+        depth_sigma: (N, J) metres, standard deviation of the depth (z) of ``world``, or None if the detector states
+            none. If it does, x and y of ``world`` are the points in metres, and say nothing that they do not say.
     """
 
     points: FloatArray = field(metadata=PER_PERSON)
     confidence: FloatArray = field(metadata=PER_PERSON)
     skeleton: Skeleton | str
     world: FloatArray | None = field(default=None, metadata=PER_PERSON)
+    sigma: FloatArray | None = field(default=None, metadata=PER_PERSON)
+    depth_sigma: FloatArray | None = field(default=None, metadata=PER_PERSON)
 
     @property
     def joint_set(self) -> Skeleton:
@@ -47,12 +52,9 @@ class Keypoints(ShortRepr):
     def take(self, columns: Sequence[int]) -> Keypoints:
         """Return the keypoints of these columns, in this order."""
         chosen = list(columns)
-        return Keypoints(
-            points=self.points[:, chosen],
-            confidence=self.confidence[:, chosen],
-            skeleton=self.joint_set.take(chosen),
-            world=None if self.world is None else self.world[:, chosen],
-        )
+        names = ("points", "confidence", "world", "sigma", "depth_sigma")
+        given = {name: value[:, chosen] for name in names if (value := getattr(self, name)) is not None}
+        return Keypoints(skeleton=self.joint_set.take(chosen), **given)
 
 
 @dataclass(frozen=True)

@@ -42,6 +42,9 @@ class EmbeddedBodies(BodyEstimator):
     With world landmarks the fit starts from them in closed form. Without, it starts from standing and sitting people
     who face four ways, keeps the best, and leans on the pose prior: depths of limbs are then guesses. At last the
     outlines of bodies and masks are drawn together.
+
+    The errors of keypoints and landmarks are those that the detector states. Otherwise they are BlazePose's, and so is
+    what the floor mends: landmarks that lean towards the camera, and feet at different depths.
     """
 
     written_for = 1
@@ -74,7 +77,7 @@ class EmbeddedBodies(BodyEstimator):
         """Fit one body to each of N people, in metres in the camera frame.
 
         The fingers are at rest. ``observed`` marks the visible joints. ``rotation_sigma`` is the same for all people,
-        and None without 3D landmarks.
+        and None without 3D landmarks, or with those of a detector that states errors of its own.
 
         Raises:
             BackendError: the body is not loaded, or the joint set of the keypoints has no hips that bodies know.
@@ -106,16 +109,17 @@ class EmbeddedBodies(BodyEstimator):
             fit = (_fit_with_world_landmarks if observations.world is not None else fit_without_world_landmarks)(
                 self._model, observations, camera, keypoints.joint_set, settings
             )
-            if hints.floor is not None:
+            if hints.floor is not None and keypoints.depth_sigma is None:
                 fit = self._on_floor(fit, observations, camera, keypoints.joint_set, settings, hints.floor.normal)
             fit = fit_outlines(
                 self._model, fit, outline_pairs(self._model, fit, observations, people, camera, hints.original)
             )
+        measured = observations.world is not None and keypoints.depth_sigma is None
         return Bodies(
             parameters_from_rotations(fit.rotations, fit.betas, None, fit.transl),
             "embedded",
             observed,
-            rotation_sigma=None if observations.world is None else np.tile(_rotation_sigma(), (len(people), 1)),
+            rotation_sigma=np.tile(_rotation_sigma(), (len(people), 1)) if measured else None,
         )
 
     def _on_floor(

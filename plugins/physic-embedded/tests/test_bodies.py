@@ -137,6 +137,39 @@ def miss_mm(fitted: np.ndarray, truth: np.ndarray) -> np.ndarray:
 PLACES = [(-0.9, 0.2, 3.4), (0.3, 0.1, 4.2), (1.0, 0.3, 3.6)]
 
 
+def stating(seen: Truth, depth_sigma: float | np.ndarray = 0.07) -> Truth:
+    """The same keypoints, of a detector that states its errors: 3 px, and metres of depth."""
+    shape = seen.keypoints.confidence.shape
+    errors = {"sigma": np.full(shape, 3.0), "depth_sigma": np.broadcast_to(depth_sigma, shape)}
+    return replace(seen, keypoints=replace(seen.keypoints, **errors))
+
+
+def test_nothing_of_blazeposes_habits_is_applied_to_landmarks_that_state_their_errors(backend: EmbeddedBodies) -> None:
+    seen = stating(truth([STANDS, WALKS, SITS], PLACES, skeleton="coco23"))
+    alone, on_floor = fit(backend, seen), fit(backend, seen, FLOOR)
+    miss = miss_mm(posed(alone)[0], seen.joints)
+    print(f"{np.round(miss, 1)} mm")
+    assert miss.max() < 20
+    assert alone.rotation_sigma is None
+    np.testing.assert_array_equal(on_floor.parameters.body_pose, alone.parameters.body_pose)
+
+
+def test_a_depth_counts_as_far_as_its_own_error_says(backend: EmbeddedBodies) -> None:
+    """An ankle that is .3 m too near: the less the detector vouches for it, the less the leg follows."""
+    seen = truth([STANDS], [(0.3, 0.1, 4.2)], skeleton="coco23")
+    world, ankle = seen.keypoints.world.copy(), SKELETONS["coco23"].names.index("left_ankle")
+    world[:, ankle, 2] -= 0.3
+    wrong = replace(seen, keypoints=replace(seen.keypoints, world=world))
+    sigma = np.full(world.shape[1], 0.07)
+    misses = []
+    for sigma[ankle] in (0.02, 0.07, 0.5):
+        joints = posed(fit(backend, stating(wrong, sigma.copy())))[0]
+        misses.append(1000 * np.linalg.norm((joints - seen.joints)[0, JOINT_INDEX["left_ankle"]]))
+    print(f"{np.round(misses)} mm")
+    assert misses[0] > misses[1] > misses[2]
+    assert misses[2] < 40
+
+
 @pytest.mark.parametrize(("noise_px", "most_mm"), [(0.0, 15), (2.0, 20)])
 def test_bodies_are_recovered_from_synthetic_landmarks(
     backend: EmbeddedBodies, noise_px: float, most_mm: float

@@ -50,6 +50,8 @@ class BodyObservations:
         turn: (N, 3, 3) rotation from the axes of a camera that looks straight at the person to this camera's.
         world: (N, J, 3) metres in the axes of that camera, the origin between the hips; None without 3D landmarks.
         world_weight: (N, J) of the 3D points.
+        sigma: (N, J) px of the 2D points, as the detector states it; None if it states none.
+        depth_sigma: (N, J) metres of the depth of the 3D points, the same.
     """
 
     points: FloatArray
@@ -59,6 +61,8 @@ class BodyObservations:
     turn: FloatArray
     world: FloatArray | None
     world_weight: FloatArray
+    sigma: FloatArray | None = None
+    depth_sigma: FloatArray | None = None
 
 
 def rotation_to_ray(ray: FloatArray) -> FloatArray:
@@ -118,7 +122,9 @@ def observe_people(keypoints: Keypoints, people: People, intrinsics: Intrinsics)
             for joint, place in _guessed_legs(world[i], row, turn[i], seated).items():
                 world[i, joint] = place
                 world_weight[i, joint] = _LEAST_WORLD_WEIGHT
-    return BodyObservations(points, weight, confidence, size, turn, world, world_weight)
+    return BodyObservations(
+        points, weight, confidence, size, turn, world, world_weight, keypoints.sigma, keypoints.depth_sigma
+    )
 
 
 def _guessed_legs(world: FloatArray, row: dict[str, int], turn: FloatArray, seated: bool) -> dict[int, FloatArray]:

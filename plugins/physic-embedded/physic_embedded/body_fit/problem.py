@@ -35,8 +35,8 @@ class FitSettings:
 
     Attributes:
         iterations: of L-BFGS, which choose the minimum that Newton's method then finds.
-        sigma_2d: of a keypoint, in sizes of the person.
-        sigma_3d: of a 3D landmark in metres: right, down, and away from the camera.
+        sigma_2d: of a keypoint, in sizes of the person; for detectors that state no error of their own.
+        sigma_3d: of a 3D landmark in metres: right, down, and away from the camera; the same.
         shape_weight: on the squared shape components about the shape of a mean adult; with 1, landmark noise shows as
             odd bodies.
         stature_sigma: metres of the stature about the mean adult's, as far as the photo may show it. Landmarks say
@@ -156,6 +156,8 @@ class FitProblem:
     turn: Tensor = field(metadata=PER_PERSON)
     world: Tensor | None = field(metadata=PER_PERSON)
     world_weight: Tensor = field(metadata=PER_PERSON)
+    point_sigma: Tensor = field(metadata=PER_PERSON)
+    world_sigma: Tensor = field(metadata=PER_PERSON)
     camera: Tensor
     root: Tensor = field(metadata=PER_PERSON)
     pose: Tensor = field(metadata=PER_PERSON)
@@ -225,7 +227,7 @@ class FitProblem:
 
         homogeneous = points @ self.camera.T
         projected = homogeneous[..., :2] / homogeneous[..., 2:].clamp(min=0.1)
-        miss = (projected - self.points) / (s.sigma_2d * self.size[:, None, None])
+        miss = (projected - self.points) / self.point_sigma[..., None]
         loss = (self.weight * 25 * torch.log1p(miss.square().sum(-1) / 25)).sum(1)
 
         if self.world is not None:
@@ -235,7 +237,7 @@ class FitProblem:
             cos, sin = torch.cos(lean), torch.sin(lean)
             x, y, z = (self.world * body.landmark_size[:, None, None]).unbind(-1)
             turned = torch.stack([x, cos * y - sin * z, sin * y + cos * z], -1)
-            rest = ((seen - turned) / points.new_tensor(s.sigma_3d)).square().sum(-1)
+            rest = ((seen - turned) / self.world_sigma).square().sum(-1)
             loss = loss + (self.world_weight * 9 * torch.log1p(rest / 9)).sum(1)
 
         loss = loss + ((body.pose - self.mean) / self.sigma).square().sum((1, 2))
@@ -315,6 +317,12 @@ def fit_problem(
         # The picture decides whether both feet stand: a raised foot looks like one that is farther away.
         touches = touch_in_picture(observations.points, list(index))
         feet = (ankles > _SEEN) * touches.prod(1)
+    shape = observations.weight.shape
+    point_sigma, world_sigma = observations.sigma, np.broadcast_to(settings.sigma_3d, (*shape, 3))
+    if point_sigma is None:
+        point_sigma = np.broadcast_to(settings.sigma_2d * observations.size[:, None], shape)
+    if observations.depth_sigma is not None:  # then right and down are those of the points
+        world_sigma = np.stack([np.full(shape, np.inf), np.full(shape, np.inf), observations.depth_sigma], -1)
     stature = _stature_per_component(model)
     soles = _soles(model)
     z = start.transl[:, 2:]
@@ -331,6 +339,8 @@ def fit_problem(
         turn=tensor(observations.turn),
         world=None if observations.world is None else tensor(observations.world[:, rows]),
         world_weight=tensor(observations.world_weight[:, rows]),
+        point_sigma=tensor(point_sigma[:, rows]),
+        world_sigma=tensor(world_sigma[:, rows]),
         camera=tensor(camera),
         root=tensor(start.root),
         pose=tensor(start.pose),
