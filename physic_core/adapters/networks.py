@@ -6,7 +6,7 @@
         Options = MyOptions  # with the option "weights", the name of a set in the folder "weights" of the package
 
         def build(self, device):
-            return torch.jit.load(self.file(), map_location=device)
+            return open_torchscript(self.file(), device)
 
         def preprocess(self, image, hints):
             return picture_tensor(image, IMAGENET_MEAN, IMAGENET_STD, size=(384, 512), device=self.device)
@@ -18,17 +18,19 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
+from pydantic import Field
 
 from physic_core import weights
 from physic_core.adapters.devices import check_device
-from physic_core.errors import BackendError
-from physic_core.interfaces import Backend
+from physic_core.errors import BackendError, DeviceError
+from physic_core.interfaces import Backend, Options
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -43,7 +45,7 @@ class NetworkBackend(Backend):
     ``infer`` of its own.
 
     Attributes:
-        weight_options: names of the options that name weights.
+        weight_options: names of the options that name weights; of those after the first, an empty one names none.
         device: of the loaded networks.
     """
 
@@ -125,22 +127,46 @@ class NetworkBackend(Backend):
 
     def missing(self) -> tuple[str, ...]:
         """Describe the missing weights, and how to get them."""
-        values = [getattr(self.options, option) for option in self.weight_options]
-        return tuple(text for value in values for text in weights.missing(self.manifest(), value))
+        return tuple(text for value in self._weights_named() for text in weights.missing(self.manifest(), value))
 
     def fingerprint(self) -> str:
         """Return the identity of the weights, independent of their path."""
-        values = [getattr(self.options, option) for option in self.weight_options]
-        return " ".join(weights.fingerprint(self.manifest(), value) for value in values)
+        return " ".join(weights.fingerprint(self.manifest(), value) for value in self._weights_named())
+
+    def _weights_named(self) -> list[str]:
+        first, *others = (getattr(self.options, option) for option in self.weight_options)
+        return [first, *filter(None, others)]
+
+
+class TorchOptions(Options):
+    """Settings of backends whose networks compute with torch in a chosen precision."""
+
+    precision: Literal["float32", "float16", "bfloat16"] = Field(
+        default="float32",
+        description="numbers that the network computes with; float16 and bfloat16 take less memory and are faster on "
+        "a GPU; on a CPU they are slower, and float16 is refused there",
+    )
 
 
 class TorchBackend(NetworkBackend):
     """Base class of a backend that runs networks with torch."""
 
+    @property
+    def dtype(self) -> Any:
+        """The type of torch of the option ``precision``; float32 without the option."""
+        import torch
+
+        return getattr(torch, self.options.precision) if isinstance(self.options, TorchOptions) else torch.float32
+
     def load(self, device: str = "cpu") -> None:
-        """Build the network on a device of torch, unless it is built."""
+        """Build the network on a device of torch, unless it is built.
+
+        Raises:
+            DeviceError: the device is not there, or cannot compute in the option ``precision``.
+        """
         if self._network is None:
             check_device(device)
+            _check_precision(self.dtype, device)
             super().load(device)
 
     def run(self, inputs: Any) -> Any:
@@ -149,6 +175,32 @@ class TorchBackend(NetworkBackend):
 
         with torch.inference_mode():
             return super().run(inputs)
+
+
+def _check_precision(dtype: Any, device: str) -> None:
+    """Raise DeviceError if a device cannot compute with this type of torch."""
+    import torch
+
+    if dtype is torch.float16 and device == "cpu":
+        raise DeviceError("precision 'float16' needs a GPU: take 'float32', or 'bfloat16', on the device 'cpu'")
+    if dtype is torch.bfloat16 and device != "cpu" and not torch.cuda.is_bf16_supported():
+        raise DeviceError(f"device '{device}' cannot compute in 'bfloat16': take 'float16' or 'float32'")
+
+
+def open_torchscript(path: Path, device: str) -> Any:
+    """Open a TorchScript file on a device.
+
+    Raises:
+        BackendError: it is not one, or is damaged.
+    """
+    import torch
+
+    try:
+        with warnings.catch_warnings():  # torch has newer formats, but files are published in this one
+            warnings.simplefilter("ignore", DeprecationWarning)
+            return torch.jit.load(str(path), map_location=device).eval()  # type: ignore[no-untyped-call]
+    except Exception as error:  # whatever a file can be instead
+        raise BackendError(f"{path} cannot be read as TorchScript: {type(error).__name__}: {error}") from error
 
 
 def run_in_batches(

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from pydantic import Field
 
 from physic_core.adapters.checkouts import Checkout
-from physic_core.adapters.networks import TorchBackend, run_in_batches
+from physic_core.adapters.networks import TorchBackend, TorchOptions, run_in_batches
 from physic_core.errors import BackendError, DeviceError
-from physic_core.interfaces import Options, Requirement
+from physic_core.interfaces import Requirement
 
 if TYPE_CHECKING:
     import torch
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _LOG = logging.getLogger(__name__)
 
 
-class CheckoutOptions(Options):
+class CheckoutOptions(TorchOptions):
     """Settings shared by all backends that run a checkout."""
 
     weights: str = Field(default="", description="a name of `physic weights list`, or a path of your own")
@@ -34,7 +34,6 @@ class CheckoutOptions(Options):
         default="", description="folder of your checkout of the project, its root; empty where it is installed"
     )
     batch: int = Field(default=8, ge=1, le=1024, description="people or hands at once; 8 takes about 4 GB with a ViT-H")
-    half: bool = Field(default=False, description="compute in float16 on a GPU; does nothing on a CPU")
     trust_checkpoint: bool = Field(
         default=False,
         description="read a checkpoint that holds Python objects beside its tensors: it can then run code of whoever "
@@ -111,19 +110,18 @@ class CheckoutBackend(TorchBackend):
 
     @contextlib.contextmanager
     def inference(self) -> Iterator[None]:
-        """Run code of the checkout without gradients, and in float16 on a GPU if ``half`` is set.
+        """Run code of the checkout without gradients, in the option ``precision``.
 
         Printed text goes to the log. Code that uses "cuda" without a number uses the chosen device.
         """
         import torch
 
         said = io.StringIO()
-        on_gpu = self.device.startswith("cuda")
         with (
             self.checkout.activated(),
-            torch.cuda.device(self.device) if on_gpu else contextlib.nullcontext(),
+            torch.cuda.device(self.device) if self.device != "cpu" else contextlib.nullcontext(),
             torch.no_grad(),
-            torch.autocast("cuda", dtype=torch.float16, enabled=self.options.half and on_gpu),
+            torch.autocast(self.device.partition(":")[0], dtype=self.dtype, enabled=self.dtype is not torch.float32),
             contextlib.redirect_stdout(said),
         ):
             yield

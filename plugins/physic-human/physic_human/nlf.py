@@ -7,7 +7,6 @@ CUDA, is never called.
 from __future__ import annotations
 
 import logging
-import warnings
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -23,7 +22,7 @@ from physic_core.adapters.bodies import (
     observed_joints,
     parameters_from_rotvecs,
 )
-from physic_core.adapters.networks import TorchBackend, to_numpy
+from physic_core.adapters.networks import TorchBackend, open_torchscript, to_numpy
 from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator, Options, Packages, Requirement
 from physic_core.types import Bodies, Mesh
@@ -100,17 +99,7 @@ class Nlf(TorchBackend, BodyEstimator):
             import torchvision  # noqa: F401 -- registers the operators that the file uses
         except Exception as error:  # a build for another torch raises what it likes
             raise BackendError(f"{_NO_TORCHVISION} ({type(error).__name__}: {error})") from error
-        import torch
-
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", DeprecationWarning)  # of TorchScript as a whole: NLF is in nothing else
-                network = torch.jit.load(str(path), map_location=device)  # type: ignore[no-untyped-call]
-        except Exception as error:  # whatever a file can be instead
-            raise BackendError(
-                f"{path} cannot be read as TorchScript: {type(error).__name__}: {error}; "
-                "take the .torchscript file of a release of https://github.com/isarandi/nlf"
-            ) from error
+        network = open_torchscript(path, device)
         if not any(hasattr(network, name) for name in _METHODS):
             raise BackendError(
                 f"{path} is not a multi-person NLF, since it has none of the methods {', '.join(_METHODS)}: "
@@ -121,7 +110,7 @@ class Nlf(TorchBackend, BodyEstimator):
             from physic_core.body import load_body
 
             self._body = load_body(Path(self.options.smplx_file).expanduser())
-        return network.eval()
+        return network
 
     def close(self) -> None:
         """Release the network and the body model."""

@@ -1,4 +1,4 @@
-"""Load the user's SMPL file, and compute its T-pose and posed bodies with joints and mesh."""
+"""The user's SMPL file: base classes of backends that need it, its T-pose, and posed bodies with joints and mesh."""
 
 from __future__ import annotations
 
@@ -12,9 +12,11 @@ from physic_core.adapters.bodies import SMPL_JOINTS, bodies_from_smpl, to_rotvec
 from physic_core.errors import WeightsMissingError
 from physic_core.interfaces import UserFile
 from physic_core.types import Mesh
+from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions
 
 if TYPE_CHECKING:
     from physic_core.body.files.smpl import SmplBody
+    from physic_core.interfaces import Requirement
     from physic_core.types import Bodies, FloatArray, RestMesh
 
 _ADVICE = (
@@ -83,3 +85,23 @@ def pose_smpl_bodies(body: SmplBody, rotations: FloatArray, betas: FloatArray, t
         vertices[sound], joints[sound] = body.vertices(*given), body.smpl_joints(*given)
     mesh = Mesh("smpl", vertices, rest.faces, rest.vertices.astype(np.float32))
     return bodies_from_smpl(rotvecs, betas, transl, joints=joints, mesh=mesh)
+
+
+class SmplCheckoutOptions(CheckoutOptions):
+    """Settings of a backend that runs a checkout and reads a SMPL file."""
+
+    smpl_file: str
+
+
+class SmplCheckoutBackend(CheckoutBackend):
+    """Base class of a backend that runs a checkout and reads the file of its option ``smpl_file``."""
+
+    options: SmplCheckoutOptions
+
+    def missing(self) -> tuple[str, ...]:
+        """Describe missing checkout, packages, weights and SMPL file."""
+        return (*super().missing(), *smpl_missing(self.options.smpl_file))
+
+    def requirements(self) -> tuple[Requirement, ...]:
+        """Return the repository, its packages, and the SMPL file."""
+        return (*super().requirements(), smpl_requirement(self.options.smpl_file))

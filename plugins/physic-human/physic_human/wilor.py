@@ -16,9 +16,7 @@ from physic_core.adapters.top_down import antialias_sigma, crop_around_box, resa
 from physic_core.errors import BackendError
 from physic_core.interfaces import HandEstimator, Options, Share
 from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions
-from physic_human.chumpy_free import chumpy_free_copy
-from physic_human.hand_boxes import hand_boxes
-from physic_human.mano import empty_hands, hands_from_mano
+from physic_human.hands import chumpy_free_copy, empty_hands, hand_boxes, hands_from_mano
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from physic_core.errors import BodyModelError
-from physic_human.chumpy_free import chumpy_free_copy
+from physic_human.hands import chumpy_free_copy
 from physic_testing.body_files import mano_arrays, write_published
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physic_human.contact_crop import contact_crop, enlarged_box_slices
+from physic_human.deco import contact_crop, enlarged_box_slices
 
 MEAN, STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from physic_core.types import Intrinsics
-from physic_human.crop_camera import translation_from_crop
+from physic_human.camerahmr import translation_from_crop
 
 CAMERA = Intrinsics(900.0, 900.0, 319.5, 239.5, 640, 480)
 

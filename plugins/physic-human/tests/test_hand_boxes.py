@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from physic_core.types import Keypoints, Skeleton
-from physic_human.hand_boxes import hand_boxes
+from physic_human.hands import hand_boxes
 
 
 def keypoints(skeleton: Skeleton | str, count: int, people: int = 1) -> Keypoints:

@@ -11,7 +11,7 @@ import torch
 
 from physic_core.errors import BackendError
 from physic_core.types import Keypoints, People
-from physic_human.mano import mirror_rotvecs
+from physic_human.hands import mirror_rotvecs
 from physic_human.wilor import Wilor, WilorOptions
 from physic_testing.body_files import mano_arrays, write_published
 from physic_testing.conformance import parametrize_with_checks

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from physic_core.interfaces import HandEstimator
-from physic_human.mano import hands_from_mano, mirror_rotvecs
+from physic_human.hands import hands_from_mano, mirror_rotvecs
 from physic_testing import violations
 
 RNG = np.random.default_rng(0)

@@ -17,8 +17,7 @@ import torch
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.errors import BackendError, DeviceError, WeightsMissingError
 from physic_core.types import Hints, Intrinsics, Keypoints, People
-from physic_human.sam3d_body import Sam3dBody, Sam3dBodyOptions
-from physic_human.torch_guard import guarded_torch
+from physic_human.sam3d_body import Sam3dBody, Sam3dBodyOptions, guarded_torch
 from physic_testing.conformance import parametrize_with_checks
 from physic_testing.conformance.true_keypoints import world_mhr_keypoints
 from physic_testing.worlds import world_of

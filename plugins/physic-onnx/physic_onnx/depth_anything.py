@@ -14,9 +14,7 @@ from pydantic import Field
 from physic_core.errors import BackendError
 from physic_core.interfaces import MetricDepth, RelativePointmap
 
-from .contract import GraphSignature, PortSpec
-from .depth_anything_files import base_name, has_sigmoid, is_version_3_name, takes_raw_pixels
-from .one_graph import WEIGHTS_HELP, OnnxBackend, OnnxBackendOptions
+from .one_graph import WEIGHTS_HELP, GraphSignature, OnnxBackend, OnnxBackendOptions, PortSpec
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -176,7 +174,7 @@ class DepthAnythingRelative(OnnxBackend, RelativePointmap):
         """
 
         from physic_core.types import Pointmap
-        from physic_onnx.disparity import clip_disparity, points_from_disparity
+        from physic_onnx.depth_maps import clip_disparity, points_from_disparity
 
         from .depth_maps import squeeze_map
 
@@ -205,7 +203,7 @@ class DepthAnythingRelative(OnnxBackend, RelativePointmap):
 
     def _size(self, loaded: LoadedGraph, image: UInt8Array, third: bool) -> tuple[int, int]:
         """Return the input size (rows, columns)."""
-        from physic_onnx.patch_grid import input_size_by_long_side, limit_patches
+        from physic_onnx.depth_maps import input_size_by_long_side, limit_patches
 
         if not third:
             return _size(loaded, image, self.options.side or 518, self.options.max_patches)
@@ -260,7 +258,7 @@ def preprocess(image: UInt8Array, rows: int, columns: int, *, normalised: bool =
 
 def _size(loaded: LoadedGraph, image: UInt8Array, side: int, most: int) -> tuple[int, int]:
     """Return the input size (rows, columns)."""
-    from physic_onnx.patch_grid import input_size_least_scaling, limit_patches
+    from physic_onnx.depth_maps import input_size_least_scaling, limit_patches
 
     height, width = image.shape[:2]
     return _fixed_or(loaded, limit_patches(*input_size_least_scaling(height, width, side, PATCH), most))
@@ -319,3 +317,33 @@ def _camera_of(matrix: FloatArray, seen: tuple[int, ...]) -> Intrinsics:
         rows,
         "Depth Anything 3",
     )
+
+
+def has_sigmoid(path: Path) -> bool:
+    """Return whether an ONNX file contains a sigmoid node, by searching its bytes for the node type."""
+    import mmap
+    import re
+
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        return re.search(rb"\x22\x07Sigmoid|\x22\x0eQLinearSigmoid", data) is not None
+
+
+def takes_raw_pixels(loaded: LoadedGraph) -> bool:
+    """Return whether a file takes pixels from 0 to 255 and normalises them itself.
+
+    Exports that do so name their input 'image' and its sides 'H' and 'W', and take one photo.
+    """
+    port = loaded.ports.inputs["pixel_values"]
+    return port.name == "image" and port.shape == (1, 3, "H", "W")
+
+
+def base_name(weights: str) -> str:
+    """Return the last component of a path, or the full name of a weight set."""
+    from pathlib import PurePath
+
+    return PurePath(weights).name
+
+
+def is_version_3_name(names: str) -> bool:
+    """Return whether a file name belongs to Depth Anything 3."""
+    return any(word in names.lower() for word in ("anything-3", "anything_3", "anything-v3", "anything_v3", "da3"))

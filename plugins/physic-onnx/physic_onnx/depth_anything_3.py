@@ -13,8 +13,7 @@ from pydantic import Field
 from physic_core.errors import BackendError
 from physic_core.interfaces import MetricDepth
 
-from .contract import GraphSignature, PortSpec
-from .one_graph import WEIGHTS_HELP, OnnxBackend, OnnxBackendOptions
+from .one_graph import WEIGHTS_HELP, GraphSignature, OnnxBackend, OnnxBackendOptions, PortSpec
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -97,7 +96,7 @@ class DepthAnything3(OnnxBackend, MetricDepth):
 
     def _size(self, image: UInt8Array) -> tuple[int, int]:
         """Return the input size (rows, columns)."""
-        from physic_onnx.patch_grid import input_size_by_long_side, limit_patches
+        from physic_onnx.depth_maps import input_size_by_long_side, limit_patches
 
         from .depth_maps import fixed_input_size
 

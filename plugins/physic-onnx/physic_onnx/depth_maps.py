@@ -1,17 +1,78 @@
-"""Check and convert depth maps in network outputs."""
+"""Depth networks: input sizes in whole patches, checks of depth maps, and disparity to points.
+
+Disparity is inverse depth up to scale and shift. Networks are trained with 0 for infinity, and return it for the sky.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.adapters.pictures import resize_map
 from physic_core.errors import BackendError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.types import FloatArray, Hints, Intrinsics
+    from physic_core.types import BoolArray, FloatArray, Hints, Intrinsics
+
+
+def input_size_least_scaling(height: int, width: int, side: int, patch: int = 14) -> tuple[int, int]:
+    """Return the input size of DPT and Depth Anything: ``side`` px for the image side that needs less scaling.
+
+    For a photo larger than ``side``, this is the short side; for a smaller one, the long side.
+
+    Args:
+        height: of the photo, px.
+        width: of the photo, px.
+        side: px, a multiple of ``patch``.
+        patch: px.
+
+    Returns:
+        Rows and columns, px, each the nearest multiple of ``patch`` and at least one patch.
+    """
+    tall, wide = side / height, side / width
+    scale = wide if abs(1 - wide) < abs(1 - tall) else tall
+    return _nearest(scale * height, patch), _nearest(scale * width, patch)
+
+
+def input_size_by_long_side(height: int, width: int, side: int, patch: int = 14) -> tuple[int, int]:
+    """Return the input size of Depth Anything 3: long side ``side`` px, both sides rounded to multiples of ``patch``.
+
+    Args:
+        height: of the photo, px.
+        width: of the photo, px.
+        side: px.
+        patch: px; both sides are multiples of it.
+    """
+    scale = side / max(height, width)
+    rows, columns = max(1, round(height * scale)), max(1, round(width * scale))
+    return _nearest_or_up(rows, patch), _nearest_or_up(columns, patch)
+
+
+def limit_patches(rows: int, columns: int, most: int, patch: int = 14) -> tuple[int, int]:
+    """Reduce an input size to at most ``most`` patches, keeping about the same aspect.
+
+    Time and memory of a transformer grow with the square of the number of patches.
+    """
+    patches = (rows // patch) * (columns // patch)
+    if patches <= most:
+        return rows, columns
+    scale = math.sqrt(most / patches)
+    return max(1, int(rows * scale) // patch) * patch, max(1, int(columns * scale) // patch) * patch
+
+
+def _nearest(value: float, patch: int) -> int:
+    """Round to the nearest multiple of the patch size, at least one patch."""
+    return max(1, round(value / patch)) * patch
+
+
+def _nearest_or_up(value: int, patch: int) -> int:
+    """Round to the nearest multiple of the patch size, ties up, at least one patch."""
+    return max(1, (2 * value + patch) // (2 * patch)) * patch
+
 
 _MOST_SQUASH = 1.6
 _LEAST_SPREAD = 1e-6  # of the largest value; below it a map is a constant
@@ -98,3 +159,35 @@ def mask_depth(depth: FloatArray, farthest: float | None) -> FloatArray:
         limit = "" if farthest is None else f" nearer than {farthest:g} m"
         raise BackendError(f"the network sees nothing in this photo{limit}: no pixel has a depth")
     return found
+
+
+_LEAST_GAP = 0.002  # ranges of the disparity between infinity and the farthest point, so that depth stays finite
+_SKY = 0.004  # ranges of the disparity
+
+
+def clip_disparity(disparity: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Clip disparity (h, w) to a small positive minimum, and return a mask (h, w) of sky and NaN pixels."""
+    low, high = np.percentile(disparity, [1, 99])
+    span = max(float(high - low), 1e-6)
+    lost: BoolArray = np.asarray(~(disparity >= _SKY * span))
+    gap: FloatArray = np.maximum(np.where(lost, 0.0, disparity), _LEAST_GAP * span)
+    return gap, lost
+
+
+def points_from_disparity(gap: FloatArray, lost: BoolArray, camera: Intrinsics) -> tuple[FloatArray, BoolArray]:
+    """Compute points on the rays of a camera with z = 1 / disparity, in units of the median distance.
+
+    Args:
+        gap: (h, w) positive inverse depth, at any resolution.
+        lost: (h, w) bool, pixels without a value; not all.
+        camera: of the photo.
+
+    Returns:
+        (H, W, 3) float32 points, and (H, W) bool, which are valid.
+    """
+    # Resample the inverse depth: it may be averaged between a near and a far surface.
+    z = 1 / resize_map(gap / np.median(gap[~lost]), camera.height, camera.width)
+    valid = resize_map(lost, camera.height, camera.width) < 0.5
+    u = ((np.arange(camera.width) - camera.cx) / camera.fx).astype(np.float32)
+    v = ((np.arange(camera.height) - camera.cy) / camera.fy).astype(np.float32)
+    return np.stack([z * u[None], z * v[:, None], z], axis=-1).astype(np.float32), valid

@@ -10,7 +10,7 @@ import numpy as np
 
 from physic_core.errors import BackendError
 
-from .contract import GraphSignature, PortMatch, PortSpec, match_signature
+from .one_graph import GraphSignature, PortMatch, PortSpec, match_signature
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from physic_core.adapters.pictures import Letterbox
     from physic_core.types import FloatArray, UInt8Array
 
-    from .options import OnnxOptions
-    from .sessions import Network
+    from .sessions import Network, OnnxOptions
 
 GREY = 114
 """Grey level around the photo in the training of YOLOX and RTMO."""

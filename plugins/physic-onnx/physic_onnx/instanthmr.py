@@ -17,8 +17,8 @@ from physic_core.adapters.bodies import SeenConfidence
 from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator
 
-from .contract import GraphSignature, PortSpec
-from .one_graph import WEIGHTS_HELP, OnnxBackend, OnnxBackendOptions
+from .one_graph import WEIGHTS_HELP, GraphSignature, OnnxBackend, OnnxBackendOptions, PortSpec
+from .top_down import BatchOptions
 
 if TYPE_CHECKING:
     from physic_core.adapters.top_down import Crop
@@ -35,11 +35,10 @@ HIPS = (9, 10)
 """Keypoints of the hip joints."""
 
 
-class InstantHmrOptions(OnnxBackendOptions):
+class InstantHmrOptions(BatchOptions):
     """Settings of InstantHMR."""
 
     weights: str = Field("instanthmr", description=WEIGHTS_HELP)
-    batch: int = Field(8, ge=1, le=1024, description="people a run, where the file leaves that free")
     seen_confidence: SeenConfidence = 0.5
 
 

@@ -19,8 +19,7 @@ from physic_core.interfaces import MetricDepth, Options, RelativePointmap
 from physic_core.types import CameraTrust, DepthMap, Intrinsics, Pointmap
 
 from .moge_network import OpenMoge, SharedMoge, shared_moge
-from .options import OnnxOptions
-from .sessions import open_network
+from .sessions import OnnxOptions, open_network
 
 if TYPE_CHECKING:
     from pydantic import BaseModel

@@ -15,7 +15,7 @@ import numpy as np
 from physic_core.adapters.pictures import normalized_nchw, resize_image
 from physic_core.errors import BackendError
 
-from .contract import GraphSignature, PortMatch, PortSpec, match_signature
+from .one_graph import GraphSignature, PortMatch, PortSpec, match_signature
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

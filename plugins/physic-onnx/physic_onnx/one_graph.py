@@ -1,8 +1,8 @@
-"""Base class of backends that run a single ONNX file."""
+"""Base class of backends that run a single ONNX file, whose inputs and outputs must match a known signature."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -12,17 +12,154 @@ from physic_core.adapters.networks import NetworkBackend
 from physic_core.errors import BackendError
 from physic_core.weights import read_manifest
 
-from .contract import GraphSignature, match_signature
-from .options import OnnxOptions
-from .sessions import open_network
+from .sessions import OnnxOptions, open_network
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
 
-    from .contract import PortMatch
-    from .sessions import Network
+    from .sessions import Network, Port
+
+_FLOATS = ("float32", "float16", "float64")
+
+
+@dataclass(frozen=True)
+class PortSpec:
+    """Expected name, type and shape of one input or output ("port") of an ONNX graph.
+
+    Attributes:
+        name: what the adapter calls it, and the published file too.
+        aliases: what other exports call it.
+        dtype: "float32", "int64", ...; "float" for any float type; several that are all fine.
+        shape: a number where the size must be that, or free in the file; a name or None where it may be anything;
+            None in place of the whole shape where the rank does not matter either.
+        optional: whether a file without it is fine; an input that is not fed must not be there.
+    """
+
+    name: str
+    aliases: tuple[str, ...] = ()
+    dtype: str | tuple[str, ...] = "float"
+    shape: tuple[int | str | None, ...] | None = None
+    optional: bool = False
+
+    def __str__(self) -> str:
+        kinds = (self.dtype,) if isinstance(self.dtype, str) else self.dtype
+        shape = "any shape" if self.shape is None else _shape(tuple("?" if d is None else d for d in self.shape))
+        others = f" (or {', '.join(self.aliases)})" if self.aliases else ""
+        return f"{self.name}{others} {' or '.join(kinds)} {shape}" + (", optional" if self.optional else "")
+
+
+@dataclass(frozen=True)
+class PortMatch:
+    """Inputs and outputs ("ports") of an ONNX file by the names that the backend uses.
+
+    Attributes:
+        inputs: what the adapter calls it -> port of the file.
+        outputs: the same of outputs.
+    """
+
+    inputs: Mapping[str, Port]
+    outputs: Mapping[str, Port]
+
+    def run(self, network: Network, feed: Mapping[str, NDArray[Any]], outputs: Sequence[str]) -> list[NDArray[Any]]:
+        """Run a network; inputs and outputs have the names that the backend uses."""
+        given = {self.inputs[name].name: value for name, value in feed.items()}
+        return network.run(given, [self.outputs[name].name for name in outputs])
+
+
+@dataclass(frozen=True)
+class GraphSignature:
+    """Inputs and outputs of one published form of a network.
+
+    Attributes:
+        inputs: all of them.
+        outputs: those that are needed; a file may have others.
+        by_position: whether a port of another name may serve if its place, its type and its rank are right.
+    """
+
+    inputs: tuple[PortSpec, ...]
+    outputs: tuple[PortSpec, ...]
+    by_position: bool = False
+
+
+def match_signature(network: Network, signatures: Mapping[str, GraphSignature]) -> tuple[str, PortMatch]:
+    """Return the name of the first signature that matches a network, with the network's inputs and outputs.
+
+    Raises:
+        BackendError: no signature matches; the message compares each of them with the network.
+    """
+    expected = []
+    for name, signature in signatures.items():
+        ins, faults = _assign("input", signature.inputs, network.inputs, signature.by_position)
+        outs, more = _assign("output", signature.outputs, network.outputs, signature.by_position)
+        served = {port.name for port in ins.values()}
+        faults += [f"nothing is known of its input {other!r}" for other in network.inputs if other not in served]
+        faults += more
+        if not faults:
+            return name, PortMatch(ins, outs)
+        expected += [
+            f"expected{f' of {name}' if name else ''}:",
+            f"  inputs:  {'; '.join(map(str, signature.inputs))}",
+            f"  outputs: {'; '.join(map(str, signature.outputs))}",
+            f"  but {'; '.join(faults)}",
+        ]
+    found = [
+        "found:",
+        f"  inputs:  {'; '.join(map(_described, network.inputs.values())) or 'none'}",
+        f"  outputs: {'; '.join(map(_described, network.outputs.values())) or 'none'}",
+    ]
+    file = getattr(network, "name", "the file")
+    raise BackendError("\n".join([f"{file} is not a network that this backend can run:", *expected, *found]))
+
+
+def _assign(
+    kind: str, wanted: Sequence[PortSpec], ports: Mapping[str, Port], by_position: bool
+) -> tuple[dict[str, Port], list[str]]:
+    """Assign ports to specs, and return the assignment and the mismatches."""
+    found: dict[str, Port] = {}
+    faults = []
+    for want in wanted:
+        named = next((ports[name] for name in (want.name, *want.aliases) if name in ports), None)
+        if named is not None:
+            found[want.name] = named
+            if not _fits(want, named, kind):
+                faults.append(f"{kind} {_described(named)} has another form")
+    taken = {port.name for port in found.values()}
+    for place, want in enumerate(wanted):
+        if want.name in found:
+            continue
+        there = list(ports.values())[place] if by_position and place < len(ports) else None
+        if there is not None and there.name not in taken and _fits(want, there, kind):
+            found[want.name] = there
+            taken.add(there.name)
+        elif not want.optional:
+            faults.append(f"there is no {kind} {want.name!r}")
+    return {want.name: found[want.name] for want in wanted if want.name in found}, faults
+
+
+def _fits(want: PortSpec, port: Port, kind: str) -> bool:
+    """Return whether type and shape of a port fit a spec."""
+    kinds = (want.dtype,) if isinstance(want.dtype, str) else want.dtype
+    if port.dtype not in {k for name in kinds for k in (_FLOATS if name == "float" else (name,))}:
+        return False
+    if want.shape is None or (kind == "output" and not port.shape):  # an output's shape may be unstated
+        return True
+    if len(want.shape) != len(port.shape):
+        return False
+    pairs = zip(want.shape, port.shape, strict=True)
+    return all(w == p for w, p in pairs if isinstance(w, int) and isinstance(p, int))
+
+
+def _described(port: Port) -> str:
+    """Format a port for a message."""
+    return f"{port.name} {port.dtype} {_shape(port.shape)}"
+
+
+def _shape(shape: Sequence[int | str]) -> str:
+    """Format a shape for a message."""
+    return f"({', '.join(map(str, shape))})"
+
 
 WEIGHTS_HELP = "a name of `physic weights list`, or the path of an ONNX file of your own"
 

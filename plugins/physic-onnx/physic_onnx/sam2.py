@@ -13,7 +13,7 @@ from physic_core.errors import BackendError, BackendNotFoundError, PhysicError
 from physic_core.interfaces import Options, Segmenter, Share
 from physic_core.weights import fingerprint, missing
 
-from .options import OnnxOptions
+from .sessions import OnnxOptions
 
 if TYPE_CHECKING:
     from physic_core.adapters.people import Detections

@@ -15,15 +15,14 @@ import numpy as np
 
 from physic_core.errors import BackendError
 
-from .contract import GraphSignature, PortSpec, match_signature
+from .one_graph import GraphSignature, PortSpec, match_signature
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.types import FloatArray, UInt8Array
 
-    from .options import OnnxOptions
-    from .sessions import Network
+    from .sessions import Network, OnnxOptions
 
 ENCODERS: Mapping[str, GraphSignature] = {
     "transformers.js": GraphSignature(

@@ -1,4 +1,4 @@
-"""Open ONNX files and run them with arrays of any float or integer type."""
+"""Open ONNX files and run them with arrays of any float or integer type; settings that all backends share."""
 
 from __future__ import annotations
 
@@ -6,19 +6,34 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from pydantic import Field
 
 from physic_core.adapters.onnx_sessions import open_session
 from physic_core.errors import BackendError
+from physic_core.interfaces import Options
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.adapters.onnx_sessions import OnnxSession
 
-    from .options import OnnxOptions
+ProviderName = Literal["auto", "cpu", "cuda", "tensorrt", "coreml", "directml"]
+
+
+class OnnxOptions(Options):
+    """Base class of the settings of backends that run ONNX files: provider and threads.
+
+    Files in half precision are taken as they come: what is fed is cast to the type that the file asks for.
+    """
+
+    provider: ProviderName = Field(
+        "auto",
+        description="what onnxruntime computes with; 'auto' follows the device: the CPU, or CUDA on a GPU of NVIDIA",
+    )
+    threads: int = Field(2, ge=0, le=256, description="threads on the CPU; 0 leaves the choice to onnxruntime")
 
 
 @dataclass(frozen=True)

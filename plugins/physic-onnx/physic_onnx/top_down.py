@@ -1,43 +1,123 @@
-"""Helpers for networks that see one person or hand at a time: crops, batches and joint sets."""
+"""Base class of keypoint detectors that see one person at a time, and helpers for other networks that do."""
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from pydantic import Field
 
 from physic_core.adapters.networks import run_in_batches
 from physic_core.errors import BackendError
+from physic_core.interfaces import KeypointDetector
+
+from .one_graph import OnnxBackend, OnnxBackendOptions
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.adapters.top_down import Crop
-    from physic_core.types import FloatArray, UInt8Array
+    from physic_core.adapters.top_down import Crop, PixelAlignment
+    from physic_core.types import FloatArray, Keypoints, People, UInt8Array
 
     from .one_graph import LoadedGraph
+    from .sessions import Network
 
 SKELETON_BY_JOINTS: dict[int, str] = {17: "coco17", 23: "coco23", 26: "halpe26", 133: "coco_wholebody133"}
 """Number of joints -> skeleton name."""
 
 
-def skeleton_name(count: int, file: str) -> str:
-    """Return the skeleton name of a network with ``count`` joints.
+class BatchOptions(OnnxBackendOptions):
+    """Base class of the settings of a network that sees one person at a time."""
 
-    Raises:
-        BackendError: none that people have.
+    batch: int = Field(8, ge=1, le=1024, description="people a run, where the file leaves that free")
+
+
+class TopDownOptions(BatchOptions):
+    """Base class of the settings of a keypoint detector that sees one person at a time."""
+
+    padding: float = Field(1.25, ge=1, le=3, description="how much larger than the person's box the crop is")
+
+
+class TopDownKeypoints(OnnxBackend, KeypointDetector):
+    """Base class of a keypoint detector that crops the people's boxes and decodes a batch of outputs.
+
+    Attributes:
+        crop_size: height and width of a crop, px, where the file leaves them free.
     """
-    if count in SKELETON_BY_JOINTS:
-        return SKELETON_BY_JOINTS[count]
-    known = ", ".join(f"{number} ({name})" for number, name in SKELETON_BY_JOINTS.items())
-    hint = "; 21 joints are those of one hand" if count == 21 else ""
-    raise BackendError(f"{file} returns {count} keypoints a person, and known are {known}{hint}: choose another file")
 
+    options: TopDownOptions
+    crop_size: ClassVar[tuple[int, int]] = (256, 192)
+    _joints: int = 0
 
-def size_or_default(size: int | str, otherwise: int) -> int:
-    """Return ``size`` if it is a fixed number, else the default ``otherwise``."""
-    return size if isinstance(size, int) and size > 0 else otherwise
+    @abstractmethod
+    def decode(self, crops: FloatArray) -> tuple[FloatArray, FloatArray, tuple[int, int]]:
+        """Run the network on crops, and decode its outputs.
+
+        Args:
+            crops: (N, 3, h, w) float32, normalised; N > 0.
+
+        Returns:
+            Points (N, J, 2) on a grid that covers the crop, scores (N, J), and rows and columns of the grid. With a
+            third column, what :meth:`complete` needs.
+        """
+
+    def complete(self, found: Keypoints, decoded: FloatArray, crops: Sequence[Crop]) -> Keypoints:
+        """Add to keypoints of N > 0 people what else was decoded."""
+        return found
+
+    def bgr(self) -> bool:
+        """Return whether the network is shown blue as red."""
+        return False
+
+    def alignment(self) -> PixelAlignment:
+        """Return the pixel alignment of crops and grids in the training of the network."""
+        return "halves"
+
+    def match(self, network: Network) -> LoadedGraph:
+        """Match an open network and find its number of joints; a file that does not state it is run once.
+
+        Raises:
+            BackendError: it is of no known form, or has joints of no known skeleton.
+        """
+        loaded = self._network = super().match(network)
+        stated = (*next(iter(loaded.ports.outputs.values())).shape, "", "")[1]
+        if not isinstance(stated, int):
+            stated = self.decode(np.zeros((1, 3, *self._crop_size()), np.float32))[0].shape[1]
+        if stated not in SKELETON_BY_JOINTS:
+            known = ", ".join(f"{number} ({name})" for number, name in SKELETON_BY_JOINTS.items())
+            hint = "; 21 joints are those of one hand" if stated == 21 else ""
+            raise BackendError(
+                f"{network.name} returns {stated} keypoints a person, and known are {known}{hint}: choose another file"
+            )
+        self._joints = stated
+        return loaded
+
+    def infer(self, image: UInt8Array, people: People) -> Keypoints:
+        """Return keypoints of N people, px of the image (H, W, 3)."""
+        from physic_core.adapters.top_down import crop_around_box
+        from physic_core.types import Keypoints
+
+        joints, padding, grid = self._joints, self.options.padding, self.alignment()
+        skeleton = SKELETON_BY_JOINTS[joints]
+        file = self.network.network.name
+        if not len(people):
+            return Keypoints(np.zeros((0, joints, 2)), np.zeros((0, joints)), skeleton)
+        height, width = self._crop_size()
+        crops = [crop_around_box(box, width, height, padding=padding, grid=grid) for box in people.boxes]
+        cells, confidence, (rows, columns) = self.decode(crop_batch(image, crops, bgr=self.bgr()))
+        if cells.shape[1] != joints:
+            raise BackendError(f"{file} states {joints} joints and returned {cells.shape[1]}")
+        grids = [crop_around_box(box, columns, rows, padding=padding, grid=grid) for box in people.boxes]
+        points = np.stack([own.to_photo(peaks[:, :2]) for own, peaks in zip(grids, cells, strict=True)])
+        return self.complete(Keypoints(points, confidence, skeleton), cells, crops)
+
+    def _crop_size(self) -> tuple[int, int]:
+        """Return height and width of a crop, px."""
+        shape = next(iter(self.network.ports.inputs.values())).shape[2:]
+        rows, columns = (n if isinstance(n, int) else own for n, own in zip(shape, self.crop_size, strict=True))
+        return rows, columns
 
 
 def crop_batch(image: UInt8Array, crops: Sequence[Crop], *, bgr: bool = False) -> FloatArray:
@@ -48,7 +128,6 @@ def crop_batch(image: UInt8Array, crops: Sequence[Crop], *, bgr: bool = False) -
         crops: N of one size.
         bgr: exchange red and blue first; mean and deviation stay where they are.
     """
-
     from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw
     from physic_core.adapters.top_down import resample_crop
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from physic_core.errors import BackendError
-from physic_onnx.contract import GraphSignature, PortSpec, match_signature
-from physic_onnx.options import OnnxOptions
-from physic_onnx.sessions import open_network
+from physic_onnx.one_graph import GraphSignature, PortSpec, match_signature
+from physic_onnx.sessions import OnnxOptions, open_network
 
 IMAGE = {"image": ("float32", ("batch", 3, "height", "width"))}
 WANTED_IMAGE = PortSpec("image", shape=("batch", 3, "height", "width"))

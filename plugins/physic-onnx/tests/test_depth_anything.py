@@ -20,10 +20,10 @@ from physic_onnx.depth_anything import (
     DepthAnythingMetricOptions,
     DepthAnythingRelative,
     DepthAnythingRelativeOptions,
+    has_sigmoid,
     preprocess,
 )
 from physic_onnx.depth_anything_3 import DepthAnything3
-from physic_onnx.depth_anything_files import has_sigmoid
 
 from .depth_maps_of_worlds import at, expect_picture, ramp
 from .tiny_classes import depth_anything
@@ -183,7 +183,7 @@ class TestNormalisation:
         pytest.importorskip("transformers")
         from transformers.models.dpt.image_processing_pil_dpt import DPTImageProcessorPil
 
-        from physic_onnx.patch_grid import input_size_least_scaling
+        from physic_onnx.depth_maps import input_size_least_scaling
 
         processor = DPTImageProcessorPil(
             size={"height": 518, "width": 518},

@@ -7,7 +7,7 @@ import pytest
 
 from physic_core.errors import BackendError
 from physic_onnx.detectors import open_detector
-from physic_onnx.options import OnnxOptions
+from physic_onnx.sessions import OnnxOptions
 
 SIDE = 64
 CELLS = 8 * 8 + 4 * 4 + 2 * 2

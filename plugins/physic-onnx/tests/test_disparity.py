@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from physic_core.types import Intrinsics
-from physic_onnx.disparity import clip_disparity, points_from_disparity
+from physic_onnx.depth_maps import clip_disparity, points_from_disparity
 
 
 def test_the_inverse_is_the_depth_in_units_of_the_median_distance():

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from physic_core.errors import BackendError
-from physic_onnx import holes
-from physic_onnx.lama import Lama, LamaOptions
+from physic_onnx.lama import MOST_CROPS, Lama, LamaOptions, hole_crops
 from physic_testing import check_backend
 
 
@@ -128,7 +127,7 @@ def test_inpainted_pixels_land_at_their_places(lama, size):
 def test_far_holes_have_crops_of_their_own():
     hole = np.zeros((900, 1600), bool)
     hole[200:500, 100:200] = hole[400:700, 1400:1500] = True
-    parts = holes.hole_crops(hole, 2.0, 512)
+    parts = hole_crops(hole, 2.0, 512)
     assert len(parts) == 2
     assert (sum(own for own, _ in parts) == hole).all()
     for own, (y0, y1, x0, x1) in parts:
@@ -139,19 +138,19 @@ def test_far_holes_have_crops_of_their_own():
 def test_near_holes_share_a_crop():
     hole = np.zeros((900, 1600), bool)
     hole[200:500, 100:200] = hole[200:500, 230:330] = True
-    assert len(holes.hole_crops(hole, 2.0, 512)) == 1
+    assert len(hole_crops(hole, 2.0, 512)) == 1
 
 
 def test_many_specks_have_few_crops():
     hole = np.zeros((3000, 3000), bool)
     hole[::250, ::250] = True
-    assert 1 <= len(holes.hole_crops(hole, 2.0, 64)) <= holes.MOST_CROPS
+    assert 1 <= len(hole_crops(hole, 2.0, 64)) <= MOST_CROPS
 
 
 def test_a_crop_shows_more_than_hole():
     hole = np.zeros((400, 2000), bool)
     hole[:, 500:1500] = True
-    ((_, (y0, y1, x0, x1)),) = holes.hole_crops(hole, 1.01, 64)
+    ((_, (y0, y1, x0, x1)),) = hole_crops(hole, 1.01, 64)
     assert (~hole[y0:y1, x0:x1]).mean() >= 0.3
 
 

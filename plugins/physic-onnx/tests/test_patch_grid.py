@@ -3,7 +3,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_onnx.patch_grid import input_size_by_long_side, input_size_least_scaling, limit_patches
+from physic_onnx.depth_maps import input_size_by_long_side, input_size_least_scaling, limit_patches
 
 SIDES = st.integers(14, 4000)
 

@@ -20,9 +20,9 @@ from physic_core import Reconstruction, load_backend
 from physic_core.adapters.people import Detections
 from physic_core.cli import main
 from physic_core.weights import missing, read_manifest
-from physic_onnx.options import OnnxOptions
 from physic_onnx.sam2 import Sam2, Sam2Options
 from physic_onnx.sam2_networks import open_sam2
+from physic_onnx.sessions import OnnxOptions
 from physic_testing import build_world
 
 PHOTO = Path(__file__).parents[3] / "examples" / "basketball.png"

@@ -11,10 +11,10 @@ import torch
 from physic_core.errors import BackendError
 from physic_core.types import Keypoints, People
 from physic_onnx.detectors import Detector
-from physic_onnx.options import OnnxOptions
 from physic_onnx.sam2 import Sam2, Sam2Options
 from physic_onnx.sam2_floor import feet_positions, ground_points
 from physic_onnx.sam2_networks import Sam2Networks, find_sam2_files, open_sam2
+from physic_onnx.sessions import OnnxOptions
 from physic_testing import build_world, check_backend
 
 FEATURES = {

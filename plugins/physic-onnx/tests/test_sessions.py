@@ -12,8 +12,7 @@ import pytest
 
 from physic_core.adapters.onnx_sessions import select_provider
 from physic_core.errors import BackendError, DeviceError
-from physic_onnx.options import OnnxOptions
-from physic_onnx.sessions import Port, open_network
+from physic_onnx.sessions import OnnxOptions, Port, open_network
 
 CPU, CUDA, TENSORRT = "CPUExecutionProvider", "CUDAExecutionProvider", "TensorrtExecutionProvider"
 COREML, DIRECTML = "CoreMLExecutionProvider", "DmlExecutionProvider"

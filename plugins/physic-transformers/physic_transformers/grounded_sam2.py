@@ -15,9 +15,8 @@ from physic_core.adapters.networks import picture_tensor, to_numpy
 from physic_core.adapters.people import clip_boxes, sigmoid, xyxy_from_cxcywh
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, resize_image
 from physic_core.interfaces import Options, Segmenter, Share
-from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend
+from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend, size_from_edges
 from physic_transformers.sam_masks import best_rows, people_from_sam, people_of_prompt, union_of_masks
-from physic_transformers.sizes import size_from_edges
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -9,15 +9,14 @@ from __future__ import annotations
 import json
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.devices import limited_threads
-from physic_core.adapters.networks import TorchBackend
-from physic_core.errors import BackendError, DeviceError
-from physic_core.interfaces import Options
+from physic_core.adapters.networks import TorchBackend, TorchOptions
+from physic_core.errors import BackendError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -45,14 +44,9 @@ class ModelSpec:
     needs_tokenizer: bool = False
 
 
-class ModelOptions(Options):
+class ModelOptions(TorchOptions):
     """Settings shared by all backends of this plugin."""
 
-    dtype: Literal["float32", "float16", "bfloat16"] = Field(
-        default="float32",
-        description="Numbers that the network computes with. float16 and bfloat16 halve memory and are faster on a "
-        "GPU; on a CPU they are slower, and float16 is refused there.",
-    )
     threads: int = Field(
         default=0,
         ge=0,
@@ -138,14 +132,12 @@ def open_model(spec: ModelSpec, folder: Path, options: ModelOptions, device: str
     Args:
         spec: which class it is to be.
         folder: of the model.
-        options: types of numbers and threads.
+        options: precision and threads.
         device: "cpu", "cuda", "cuda:N".
 
     Raises:
-        DeviceError: the device cannot compute with such numbers.
         BackendError: the folder holds another model, or not all of its weights.
     """
-    _check_dtype(options.dtype, device)
     _check_model_type(folder, spec)
     import torch
     import transformers
@@ -160,7 +152,7 @@ def open_model(spec: ModelSpec, folder: Path, options: ModelOptions, device: str
     try:
         with _quiet():
             model, loading_info = kind.from_pretrained(
-                str(folder), local_files_only=True, dtype=getattr(torch, options.dtype), output_loading_info=True
+                str(folder), local_files_only=True, dtype=getattr(torch, options.precision), output_loading_info=True
             )
             tokenizer = None
             if spec.needs_tokenizer:
@@ -180,17 +172,6 @@ def _check_model_type(folder: Path, spec: ModelSpec) -> None:
     if found not in spec.model_types:
         wanted = " or ".join(f"'{name}'" for name in spec.model_types)
         raise BackendError(f"{folder} holds a model of the type '{found}', expected {wanted} for {spec.class_name}")
-
-
-def _check_dtype(dtype: str, device: str) -> None:
-    """Raise DeviceError if the device cannot compute with this dtype."""
-    if dtype == "float16" and device == "cpu":
-        raise DeviceError("dtype 'float16' needs a GPU: take 'float32', or 'bfloat16', on the device 'cpu'")
-    if dtype == "bfloat16" and device != "cpu":
-        import torch
-
-        if not torch.cuda.is_bf16_supported():
-            raise DeviceError(f"device '{device}' cannot compute with 'bfloat16': take 'float16' or 'float32'")
 
 
 def _check_complete(folder: Path, spec: ModelSpec, loading_info: Any) -> None:
@@ -219,3 +200,33 @@ def _quiet() -> Iterator[None]:
         logging.set_verbosity(level)
         if bars:
             logging.enable_progress_bar()
+
+
+def size_from_edges(height: int, width: int, short: int, long: int) -> tuple[int, int]:
+    """Return height and width with the shorter side ``short`` px, or less if the longer side would exceed ``long`` px.
+
+    Sides are cut to whole pixels as DETR and its descendants were trained.
+    """
+    low, high = min(height, width), max(height, width)
+    edge: float = short
+    if high / low * short > long:
+        edge = long * low / high
+    side = round(edge)
+    if low == side:
+        return height, width
+    other = max(1, int(edge * high / low))
+    side = max(1, side)
+    return (side, other) if height <= width else (other, side)
+
+
+def size_from_target(height: int, width: int, target: tuple[int, int], multiple: int) -> tuple[int, int]:
+    """Return height and width, multiples of ``multiple``, with one side of the target size.
+
+    Of the two sides, the one that changes the photo less is taken.
+    """
+    scales = (target[0] / height, target[1] / width)
+    scale = scales[1] if abs(1 - scales[1]) < abs(1 - scales[0]) else scales[0]
+    return (
+        max(multiple, round(scale * height / multiple) * multiple),
+        max(multiple, round(scale * width / multiple) * multiple),
+    )

@@ -11,8 +11,7 @@ from physic_core.adapters.networks import picture_tensor, to_numpy
 from physic_core.adapters.pictures import resize_map
 from physic_core.interfaces import MetricDepth, Options
 from physic_core.types import DepthMap
-from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend
-from physic_transformers.sizes import size_from_target
+from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend, size_from_target
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Hints, UInt8Array

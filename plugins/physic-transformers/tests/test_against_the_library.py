@@ -17,8 +17,8 @@ import torch
 from physic_core.adapters.top_down import crop_around_box, resample_crop
 from physic_core.types import Hints, People
 from physic_transformers import depth_pro, grounded_sam2, zoedepth
+from physic_transformers.models import size_from_edges, size_from_target
 from physic_transformers.sapiens2 import KEYPOINT_OF_WHOLEBODY, Sapiens2
-from physic_transformers.sizes import size_from_edges, size_from_target
 
 if TYPE_CHECKING:
     from collections.abc import Callable

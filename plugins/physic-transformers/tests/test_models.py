@@ -112,8 +112,8 @@ def test_a_panoptic_network_without_people_is_refused(saved: Callable[..., Path]
 def test_half_precision_is_refused_on_a_cpu_and_bfloat16_is_not(saved: Callable[..., Path]) -> None:
     folder = str(saved("zoedepth"))
     with pytest.raises(DeviceError, match="'float16' needs a GPU"):
-        ZoeDepth(ZoeDepthOptions(weights=folder, dtype="float16")).load()
-    backend = ZoeDepth(ZoeDepthOptions(weights=folder, dtype="bfloat16"))
+        ZoeDepth(ZoeDepthOptions(weights=folder, precision="float16")).load()
+    backend = ZoeDepth(ZoeDepthOptions(weights=folder, precision="bfloat16"))
     backend.load()
     assert backend.model()._model.dtype.itemsize == 2
     assert backend.infer(GREY, Hints()).depth.dtype == np.float32

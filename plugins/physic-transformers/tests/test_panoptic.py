@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from physic_transformers.panoptic import (
+from physic_transformers.eomt import (
     COCO_PANOPTIC,
     FLOOR_CLASSES,
     PORTABLE_CLASSES,

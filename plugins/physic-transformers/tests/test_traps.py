@@ -96,17 +96,17 @@ class TestWithoutTorchvision:
 
         if name == "grounded":
             low = {"box_threshold": 0.0, "text_threshold": 0.0, "person_score": 0.0}
-            options = GroundedSam2Options(detector=at("grounding_dino"), masks=at("sam2"), dtype=dtype, **low)
+            options = GroundedSam2Options(detector=at("grounding_dino"), masks=at("sam2"), precision=dtype, **low)
             return GroundedSam2(options)
         if name == "sam3":
-            return Sam3(Sam3Options(weights=at("sam3"), person_score=0, dtype=dtype))
+            return Sam3(Sam3Options(weights=at("sam3"), person_score=0, precision=dtype))
         if name == "eomt":
-            return Eomt(EomtOptions(weights=at("eomt"), threshold=0, held=0, dtype=dtype))
+            return Eomt(EomtOptions(weights=at("eomt"), threshold=0, held=0, precision=dtype))
         if name == "pro":
-            return DepthPro(DepthProOptions(weights=at("depth_pro"), farthest=1e6, dtype=dtype))
+            return DepthPro(DepthProOptions(weights=at("depth_pro"), farthest=1e6, precision=dtype))
         if name == "zoe":
-            return ZoeDepth(ZoeDepthOptions(weights=at("zoedepth"), dtype=dtype))
-        return Sapiens2(Sapiens2Options(weights=at("sapiens2"), dtype=dtype))
+            return ZoeDepth(ZoeDepthOptions(weights=at("zoedepth"), precision=dtype))
+        return Sapiens2(Sapiens2Options(weights=at("sapiens2"), precision=dtype))
 
 
 class TestDepthPro:
