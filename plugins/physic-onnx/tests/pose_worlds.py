@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import affine_transform
 
+from physic_core.body import JOINT_INDEX
 from physic_core.types import SKELETONS, People
 from physic_testing.conformance.true_keypoints import world_keypoints
 
@@ -36,6 +37,19 @@ def joints(world: World | None, box: np.ndarray, skeleton: str) -> tuple[np.ndar
         return standing(box, count), np.full(count, 0.4)
     points, visible = world_keypoints(world, skeleton)
     return points[row], np.where(visible[row], 0.9, 0.3)
+
+
+def depths(world: World | None, box: np.ndarray, skeleton: str) -> np.ndarray:
+    """Metres (J,) by which the joints of the person in a box are farther than the middle of the hips."""
+    count = len(SKELETONS[skeleton].names)
+    row = None if world is None else whose(world, box)
+    if world is None or row is None:
+        return np.zeros(count)
+    found, hips = np.zeros(count), world.joints[row, [1, 2], 2].mean()
+    for joint, name in enumerate(SKELETONS[skeleton].names):
+        if name in JOINT_INDEX:
+            found[joint] = world.joints[row, JOINT_INDEX[name], 2] - hips
+    return found
 
 
 def region(box: np.ndarray, width: int, height: int, padding: float = 1.25) -> tuple[np.ndarray, np.ndarray]:

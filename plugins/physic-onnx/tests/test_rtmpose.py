@@ -1,4 +1,4 @@
-"""RTMPose: the grid of SimCC, colours, scores, and the whole kit on stand-ins."""
+"""RTMPose and RTMW3D: the grid of SimCC, colours, scores, depths, and the whole kit on stand-ins."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ import pytest
 
 from physic_core.errors import BackendError
 from physic_core.interfaces import KeypointDetector
-from physic_onnx.rtmpose import RtmPose, simcc_peaks
+from physic_core.types import SKELETONS
+from physic_onnx.rtmpose import RtmPose, Rtmw3d, simcc_peaks
 from physic_testing import violations
 from physic_testing.conformance import check_backend
 
-from .pose_worlds import BOX, PLACES, blobs, joints, normalised, people, region, sampled
+from .pose_worlds import BOX, PLACES, blobs, depths, joints, normalised, people, region, sampled
 
 
 @pytest.fixture
@@ -72,16 +73,17 @@ def test_colours_are_found_where_they_are_and_in_their_order(rtmpose: Any, size:
 def answering(tmp_path: Path, graph: Any, node: Any) -> Any:
     """A file that answers these lines, whatever it is shown."""
 
-    def make(x: np.ndarray, y: np.ndarray) -> RtmPose:
-        held = {"simcc_x": x, "simcc_y": y}
+    def make(x: np.ndarray, y: np.ndarray, z: np.ndarray | None = None) -> RtmPose:
+        held = {"simcc_x": x, "simcc_y": y} | ({} if z is None else {"simcc_z": z})
         path = graph(
             tmp_path / "end2end.onnx",
-            {"input": ("float32", (1, 3, 256, 192))},
+            {"input": ("float32", (len(x), 3, *((256, 192) if z is None else (384, 288))))},
             {name: ("float32", line.shape) for name, line in held.items()},
             [node("Identity", [f"held_{name}"], [name]) for name in held],
             {f"held_{name}": line for name, line in held.items()},
         )
-        backend = RtmPose(RtmPose.Options(weights=str(path)))
+        kind = RtmPose if z is None else Rtmw3d
+        backend = kind(kind.Options(weights=str(path)))
         backend.load()
         return backend
 
@@ -135,17 +137,61 @@ def test_simcc_decodes_as_rtmlib_does() -> None:
     assert (score <= mean + 1e-9).all()
 
 
+def test_depths_are_decoded_as_mmposes_rtmpose3d_does(answering: Any) -> None:
+    """A slow twin of the codec in its configurations: 288 x 384 px, two bins a pixel, depths of +-2.1744869 m."""
+    rng = np.random.default_rng(2)
+    lines = [rng.normal(0.3, 0.2, (2, 133, length)).astype(np.float32) for length in (576, 768, 576)]
+    boxes = [BOX, (10.0, 10.0, 200.0, 60.0)]
+    found = answering(*lines).infer(blobs(PLACES), people(*boxes))
+    for row, box in enumerate(boxes):
+        centre, scale = region(np.array(box), 288, 384)
+        for joint in range(133):
+            bins, peak = [], []
+            for line in lines:
+                values = list(line[row, joint])
+                bins.append(values.index(max(values)))
+                peak.append(max(values))
+            for axis, side in ((0, 288), (1, 384)):
+                place = bins[axis] / 2 / side * scale[axis] + centre[axis] - scale[axis] / 2
+                assert abs(found.points[row, joint, axis] - place) < 1e-4
+            assert abs(found.world[row, joint, 2] - (bins[2] / 2 / (288 / 2) - 1) * 2.1744869) < 1e-4
+            assert abs(found.confidence[row, joint] - min(1, peak[0], peak[1])) < 1e-4
+    assert violations(KeypointDetector, found, people=2) == []
+
+
+def test_a_person_is_as_large_as_the_limbs_say_with_their_depths(answering: Any) -> None:
+    """A limb of an adult that points away from the camera looks short, and does not make the person small."""
+    names = SKELETONS["coco_wholebody133"].names
+    places = dict.fromkeys(names, (0.0, 0.0, 0.0))
+    for side, x in (("left", 0.2), ("right", -0.2)):
+        hip, shoulder = np.array([x / 2, 0, 0]), np.array([x, -0.5, 0])
+        knee = hip + np.array([0, 0.3, -np.sqrt(0.38**2 - 0.3**2)])
+        elbow = shoulder + np.array([0, 0.2, np.sqrt(0.26**2 - 0.2**2)])
+        ankle, wrist = knee + np.array([0, 0.43, 0]), elbow + np.array([0, 0, -0.23])
+        limbs = {"hip": hip, "knee": knee, "ankle": ankle, "shoulder": shoulder, "elbow": elbow, "wrist": wrist}
+        places |= {f"{side}_{name}": place for name, place in limbs.items()}
+    metres = np.array([places[name] for name in names])
+    at = np.round(metres * [200, 200, 288 / 2.1744869] + [288, 300, 288]).astype(int)  # 200 bins a metre
+    lines = [np.zeros((1, 133, length), np.float32) for length in (576, 768, 576)]
+    for axis, line in enumerate(lines):
+        line[0, np.arange(133), at[:, axis]] = 0.9
+    world = answering(*lines).infer(blobs(PLACES), people(BOX)).world[0]
+    own = [i for i, name in enumerate(names) if np.any(places[name])]
+    np.testing.assert_allclose(world[own], metres[own], atol=0.01)
+
+
 @pytest.fixture(scope="module")
 def stand_in_rtmpose(stand_in: Any, stand_in_network: Any) -> Any:
     """The adapter over a network that knows where each joint of the person in the crop truly is."""
 
-    def make(skeleton: str, count: int, size: tuple[int, int]) -> type:
+    def make(kind: type, skeleton: str, count: int, size: tuple[int, int]) -> type:
         height, width = size
+        axes = {"simcc_x": width, "simcc_y": height} | ({"simcc_z": width} if kind is Rtmw3d else {})
 
         def attach(backend: Any) -> list[Any]:
             def answer(shown: Any, feed: Any) -> dict[str, np.ndarray]:
                 boxes = backend.next_boxes(len(feed["input"]))
-                lines: dict[str, list[np.ndarray]] = {"simcc_x": [], "simcc_y": []}
+                lines: dict[str, list[np.ndarray]] = {name: [] for name in axes}
                 for picture, box in zip(feed["input"], boxes, strict=True):
                     centre, scale = region(box, width, height)
                     corner, step = centre - scale / 2, scale / [width, height]
@@ -153,31 +199,34 @@ def stand_in_rtmpose(stand_in: Any, stand_in_network: Any) -> Any:
                     assert np.abs(picture - expected).mean() < 0.05, "another picture than the network learned from"
                     points, sure = joints(shown.world, box, skeleton)
                     at = (points - corner) / step
-                    for name, line, length in (("simcc_x", at[:, 0], width), ("simcc_y", at[:, 1], height)):
+                    deep = (depths(shown.world, box, skeleton) / 2.1744869 + 1) * width / 2
+                    for (name, length), line in zip(axes.items(), (at[:, 0], at[:, 1], deep), strict=False):
                         apart = np.arange(2 * length) / 2 - line[:, None]
                         lines[name].append(sure[:, None] * np.exp(-(apart**2) / 30))
                 return {name: np.stack(rows) for name, rows in lines.items()}
 
             network = stand_in_network(
                 {"input": ("float32", ("b", 3, height, width))},
-                {
-                    "simcc_x": ("float32", ("b", count, 2 * width)),
-                    "simcc_y": ("float32", ("b", count, 2 * height)),
-                },
+                {name: ("float32", ("b", count, 2 * length)) for name, length in axes.items()},
                 answer,
             )
             return [backend.match(network), network]
 
-        return stand_in(RtmPose, attach)  # type: ignore[no-any-return]
+        return stand_in(kind, attach)  # type: ignore[no-any-return]
 
     return make
 
 
 @pytest.mark.parametrize(
-    ("skeleton", "count", "size"), [("coco_wholebody133", 133, (384, 288)), ("halpe26", 26, (256, 192))]
+    ("kind", "skeleton", "count", "size"),
+    [
+        (RtmPose, "coco_wholebody133", 133, (384, 288)),
+        (RtmPose, "halpe26", 26, (256, 192)),
+        (Rtmw3d, "coco_wholebody133", 133, (384, 288)),
+    ],
 )
-def test_conformance(stand_in_rtmpose: Any, skeleton: str, count: int, size: tuple[int, int]) -> None:
-    report = check_backend(stand_in_rtmpose(skeleton, count, size), "keypoint_detector")
+def test_conformance(stand_in_rtmpose: Any, kind: type, skeleton: str, count: int, size: tuple[int, int]) -> None:
+    report = check_backend(stand_in_rtmpose(kind, skeleton, count, size), "keypoint_detector")
     print(report.summary, report.accuracy)
     report.raise_if_failed()
     assert report.accuracy["px"] < 1.0
