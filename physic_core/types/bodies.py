@@ -88,7 +88,8 @@ class Bodies(ShortRepr):
 
     Bodies of another model than the configured one are converted to it from ``joints``, and from ``mesh`` if given.
     Rotations are used if the model is "embedded", "smplx" or "smpl" (joints 0-21 as SMPL's, hands zero), which share
-    the T-pose. Any other model may leave rotations and shape zero, and must give joints or a mesh.
+    the T-pose, and if it is "mhr" and some are not zero. Any other model may leave rotations and shape zero, and must
+    give joints or a mesh.
 
     Attributes:
         parameters: of N bodies, body i of person i, metres, camera frame.

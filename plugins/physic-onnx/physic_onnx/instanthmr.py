@@ -1,8 +1,10 @@
-"""Estimate MHR bodies with InstantHMR (2026), a small network that was trained on bodies of SAM 3D Body.
+"""Estimate MHR bodies with InstantHMR (2026), small networks that were trained on bodies of SAM 3D Body.
 
-It returns 70 keypoints in 3D and their place in a camera of its own: the focal length is the photo's diagonal, the
-principal point is the photo's centre. The place is converted to the pipeline's camera, where the hips project to the
-same pixel and have the same size. Checked against instanthmr/inference.py of mohamdev/InstantHMR at b29e7d7.
+They return the parameters of a body, its place in a camera of their own, and, but for the newest, 70 keypoints in 3D.
+The principal point of that camera is the photo's centre. Its focal length is the photo's diagonal, or, for files whose
+metadata say ``cliff_focal``, the one that they are told; they get the box as angles then. The place is converted to the
+pipeline's camera, where the hips project to the same pixel and have the same size. Checked against
+instanthmr/inference.py of mohamdev/InstantHMR at b29e7d7, and its description of ``--cliff-focal``.
 """
 
 from __future__ import annotations
@@ -14,11 +16,13 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.bodies import SeenConfidence
+from physic_core.body.joints import NUM_JOINTS, joint_pair
 from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator
 
+from .mhr import MhrModel
 from .one_graph import WEIGHTS_HELP, GraphSignature, OnnxBackend, OnnxBackendOptions, PortSpec
-from .top_down import BatchOptions
+from .top_down import BatchOptions, crop_batch, run_batches
 
 if TYPE_CHECKING:
     from physic_core.adapters.top_down import Crop
@@ -28,11 +32,10 @@ if TYPE_CHECKING:
     from .sessions import Network
 
 SIDE = 224
-"""Side of the crop, px."""
+"""Side of the crop, px, where the file leaves it free."""
 MARGIN = 1.2
 """Side of the crop in longer sides of the person's box, as in the network's training."""
-HIPS = (9, 10)
-"""Keypoints of the hip joints."""
+HIPS = joint_pair("hip")
 
 
 class InstantHmrOptions(BatchOptions):
@@ -40,37 +43,64 @@ class InstantHmrOptions(BatchOptions):
 
     weights: str = Field("instanthmr", description=WEIGHTS_HELP)
     seen_confidence: SeenConfidence = 0.5
+    mhr: str = Field(
+        "",
+        description="Meta's body model MHR, a name of `physic weights list` or the path of its mhr_model.pt: gives "
+        "bodies their surface and rotations; empty: joints alone, if the network returns them",
+    )
 
 
 class InstantHmr(OnnxBackend, BodyEstimator):
-    """Body estimator: MHR bodies by InstantHMR, as joints without a mesh; all rotations are zero."""
+    """Body estimator: MHR bodies by InstantHMR, with mesh and rotations if the body model MHR is named.
+
+    Without it, bodies are joints alone, and all rotations are zero.
+    """
 
     written_for = 1
     Options: ClassVar[type[OnnxBackendOptions]] = InstantHmrOptions
     options: InstantHmrOptions
     reads = ("people", "intrinsics", "keypoints")
+    weight_options = ("weights", "mhr")
+    _mhr: MhrModel | None = None
     signatures: ClassVar = {
-        "instanthmr.onnx of momolesang/InstantHMR": GraphSignature(
+        "a file of momolesang/InstantHMR": GraphSignature(
             (
-                PortSpec("image", shape=(None, 3, SIDE, SIDE)),
+                PortSpec("image", shape=(None, 3, None, None)),
                 PortSpec("cliff_cond", shape=(None, 3)),
             ),
             (
+                PortSpec("mhr_params", shape=(None, 204)),
                 PortSpec("shape_params", shape=(None, 45)),
                 PortSpec("cam_trans", shape=(None, 3)),
-                PortSpec("joints_3d", shape=(None, 70, 3)),
+                PortSpec("joints_3d", shape=(None, 70, 3), optional=True),
             ),
         ),
     }
 
+    def build(self, device: str) -> LoadedGraph:
+        """Open the network, and the body model if one is named."""
+        if self.options.mhr:
+            self._mhr = MhrModel(self.file(option="mhr"), device)
+        return super().build(device)
+
+    def close(self) -> None:
+        """Release network and body model."""
+        super().close()
+        self._mhr = None
+
     def match(self, network: Network) -> LoadedGraph:
-        """Match an open network, which must not be trained with the focal length as an input."""
-        if network.metadata.get("cliff_focal", "false").lower() == "true":
+        """Match an open network.
+
+        Raises:
+            BackendError: it is of no known form, or returns no joints, and no body model is named.
+        """
+        loaded = super().match(network)
+        if not loaded.has_output("joints_3d") and not self.options.mhr:
             raise BackendError(
-                f"{network.name} was trained with boxes in units of the focal length (cliff_focal in its metadata), "
-                "which this backend does not feed: take instanthmr.onnx of huggingface.co/momolesang/InstantHMR"
+                f"{network.name} returns no joints_3d: its bodies follow from their parameters by the body model MHR. "
+                "Name it in the option mhr"
             )
-        return super().match(network)
+        return loaded
 
     def infer(
         self, image: UInt8Array, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints
@@ -81,64 +111,84 @@ class InstantHmr(OnnxBackend, BodyEstimator):
             BackendError: it is not loaded, or the network fails.
         """
         from physic_core.adapters.bodies import (
-            MHR_KEYPOINTS,
             empty_bodies,
             joints_from_mhr70,
             observed_joints,
             parameters_from_rotvecs,
         )
-        from physic_core.types import Bodies
-
-        from .top_down import crop_batch, run_batches
+        from physic_core.types import Bodies, Mesh
 
         loaded = self.network
         if not len(people):
             return empty_bodies("mhr", num_betas=0)
+        height, width = image.shape[:2]
+        in_angles = loaded.network.metadata.get("cliff_focal", "false").lower() == "true"
+        focal = intrinsics.fy if in_angles else math.hypot(height, width)
+        stated = loaded.input_shape("image")[2]
+        side = stated if isinstance(stated, int) else SIDE
         feed = {
-            "image": crop_batch(image, [square_crop(box) for box in people.boxes]),
-            "cliff_cond": box_condition(people.boxes, image.shape[0], image.shape[1]),
+            "image": crop_batch(image, [square_crop(box, side) for box in people.boxes]),
+            "cliff_cond": box_condition(people.boxes, height, width, focal if in_angles else None),
         }
-        shape, place, points = run_batches(loaded, feed, ["shape_params", "cam_trans", "joints_3d"], self.options.batch)
-        if place.shape[1:] != (3,) or points.shape[1:] != (MHR_KEYPOINTS, 3):
-            raise BackendError(
-                f"{loaded.network.name} returned cam_trans {place.shape} and joints_3d {points.shape}: "
-                f"({len(people)}, 3) and ({len(people)}, {MHR_KEYPOINTS}, 3) were expected"
-            )
-        hips = points[:, list(HIPS)].mean(axis=1)
-        transl = move_to_camera(place + hips, image.shape[0], image.shape[1], intrinsics) - hips
+        names = ["mhr_params", "shape_params", "cam_trans"]
+        names += ["joints_3d"] if loaded.has_output("joints_3d") else []
+        parameters, shape, place, *points = run_batches(loaded, feed, names, self.options.batch)
+        posed = None if self._mhr is None else self._mhr.pose(shape, parameters)
+        joints = joints_from_mhr70(points[0]) if points else np.full((len(people), NUM_JOINTS, 3), np.nan, np.float32)
+        if not points and posed is not None:
+            joints = posed.joints
+        hips = joints[:, list(HIPS)].mean(axis=1)
+        transl = move_to_camera(place + hips, focal, height, width, intrinsics) - hips
+        mesh, rotvecs = None, np.zeros((len(people), 22, 3), np.float32)
+        if posed is not None and self._mhr is not None:
+            mesh, rotvecs = Mesh("mhr", posed.vertices + transl[:, None], self._mhr.faces), posed.rotvecs
         return Bodies(
-            parameters_from_rotvecs(np.zeros((len(people), 22, 3), np.float32), shape, transl),
+            parameters_from_rotvecs(rotvecs, shape, transl),
             "mhr",
-            observed=observed_joints(keypoints, image.shape[0], image.shape[1], self.options.seen_confidence),
-            joints=joints_from_mhr70(points + transl[:, None]),
+            observed=observed_joints(keypoints, height, width, self.options.seen_confidence),
+            joints=joints + transl[:, None].astype(np.float32),
+            mesh=mesh,
         )
 
 
-def square_crop(box: FloatArray) -> Crop:
+def square_crop(box: FloatArray, side: int = SIDE) -> Crop:
     """Return the crop of a person's box (4,), as InstantHMR cuts it: its edges are rounded outwards to whole pixels."""
     from physic_core.adapters.top_down import Crop, padded_region
 
     middle, size = padded_region(box, 1.0, MARGIN)
     low = np.floor(middle + 0.5 - size / 2)
-    step = (np.ceil(middle + 0.5 + size / 2) - low) / SIDE
+    step = (np.ceil(middle + 0.5 + size / 2) - low) / side
     origin = low + step / 2 - 0.5
-    return Crop((float(origin[0]), float(origin[1])), (float(step[0]), float(step[1])), SIDE, SIDE)
+    return Crop((float(origin[0]), float(origin[1])), (float(step[0]), float(step[1])), side, side)
 
 
-def box_condition(boxes: FloatArray, height: int, width: int) -> FloatArray:
-    """Return the centre of N boxes, -1 to 1 across the photo, and their longer side over the photo's: (N, 3)."""
+def box_condition(boxes: FloatArray, height: int, width: int, focal: float | None = None) -> FloatArray:
+    """Return the centre of N boxes, -1 to 1 across the photo, and their longer side over the photo's: (N, 3).
+
+    With a focal length in px, the angles of the centre from the middle of the photo, and the side in focal lengths.
+    """
     middle = (boxes[:, :2] + boxes[:, 2:]) / 2
     side = (boxes[:, 2:] - boxes[:, :2]).max(axis=1)
+    if focal is not None:
+        angles = np.arctan((middle - np.array([width, height]) / 2) / focal)
+        return np.column_stack([angles, side / focal]).astype(np.float32)
     return np.column_stack([2 * middle / [width, height] - 1, side / max(width, height)]).astype(np.float32)
 
 
-def move_to_camera(points: FloatArray, height: int, width: int, camera: Intrinsics) -> FloatArray:
+def move_to_camera(points: FloatArray, focal: float, height: int, width: int, camera: Intrinsics) -> FloatArray:
     """Convert points (N, 3) from the network's camera to another one, at the same pixel and with the same size there.
 
-    NaN for points that are not in front of the camera.
+    Args:
+        points: metres in a camera with the focal length ``focal`` in px, and the principal point in the photo's centre.
+        focal: px.
+        height: of the photo, px.
+        width: of the photo, px.
+        camera: the other one.
+
+    Returns:
+        (N, 3) metres; NaN for points that are not in front of the camera.
     """
     x, y, z = np.where(points[:, 2:] > 0, points, np.nan).astype(np.float64).T
-    focal = math.hypot(height, width)
     depth = z * math.sqrt(camera.fx * camera.fy) / focal
     column, row = focal * x / z + (width - 1) / 2, focal * y / z + (height - 1) / 2
     found: FloatArray = np.column_stack(

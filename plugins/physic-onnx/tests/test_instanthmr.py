@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +12,21 @@ import numpy as np
 import onnx
 import onnxruntime
 import pytest
+import torch
+from scipy.spatial.transform import Rotation
 
-from physic_core.adapters.bodies import joints_from_mhr70
+from physic_core.adapters.bodies import joints_from_mhr70, parameters_from_rotvecs
+from physic_core.body import load_body
+from physic_core.body.bones import rotations_from_tpose
+from physic_core.body.convert.bodies import convert_bodies
 from physic_core.body.joints import JOINT_INDEX
+from physic_core.body.parameters import rotations_from_parameters
 from physic_core.errors import BackendError
-from physic_core.types import Hints, Intrinsics, Keypoints, People
+from physic_core.interfaces import BodyEstimator
+from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People
 from physic_onnx.instanthmr import InstantHmr
+from physic_onnx.mhr import JOINT_OF_MHR, MhrModel
+from physic_testing import violations
 from physic_testing.conformance import check_backend
 from physic_testing.conformance.true_keypoints import world_mhr_keypoints
 
@@ -123,17 +134,104 @@ def test_in_another_camera_the_hips_keep_their_pixel_and_their_size(graph_file: 
     np.testing.assert_allclose(other - moved[:, None], own - middle[:, None], atol=1e-5)
 
 
-def test_a_network_that_wants_boxes_in_focal_lengths_is_refused(graph_file: Any) -> None:
-    path = graph_file({"cliff_focal": "true", "arch": "correctives"})
-    with pytest.raises(BackendError, match="boxes in units of the focal length"):
-        loaded(path)
-    loaded(graph_file({"cliff_focal": "false"}))
+def test_a_network_in_focal_lengths_is_told_the_angles_of_the_box_in_the_camera_given(
+    graph_file: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """[atan((cx - W / 2) / f), atan((cy - H / 2) / f), side / f], as its training describes it."""
+    backend = loaded(graph_file({"cliff_focal": "true"}))
+    camera, fed = Intrinsics(900.0, 900.0, 199.5, 149.5, 400, 300), {}
+    run = backend.network.network.run
+
+    def recorded(feed: Any, names: Any) -> Any:
+        fed.update(feed)
+        return run(feed, names)
+
+    monkeypatch.setattr(backend.network.network, "run", recorded)
+    found = backend.infer(IMAGE, PEOPLE, camera, NO_KEYPOINTS, Hints())
+    x, y, side = fed["cliff_cond"].astype(float).T
+    np.testing.assert_allclose(np.tan(x) * 900 + 200, BOXES[:, [0, 2]].mean(1), atol=0.01)
+    np.testing.assert_allclose(np.tan(y) * 900 + 150, BOXES[:, [1, 3]].mean(1), atol=0.01)
+    np.testing.assert_allclose(side * 900, (BOXES[:, 2:] - BOXES[:, :2]).max(1), atol=0.01)
+    place, points = run(fed, ["cam_trans", "joints_3d"])
+    np.testing.assert_allclose(found.joints, joints_from_mhr70(points + place[:, None]), atol=1e-4)
 
 
-def test_a_network_without_keypoints_in_3d_is_refused(graph_file: Any) -> None:
-    """The newer student of the same project leaves them to the MHR body model."""
+class FakeMhr(torch.nn.Module):
+    """MHR's door, with bodies that are looked up by the first parameter of pose; the first body is the one at rest."""
+
+    def __init__(self, names: list[str], states: np.ndarray) -> None:
+        super().__init__()
+        self.names = names
+        self.register_buffer("states", torch.from_numpy(states.astype(np.float32)))
+        self.character_torch = torch.nn.Module()
+        self.character_torch.mesh = torch.nn.Module()
+        self.character_torch.mesh.register_buffer("faces", torch.tensor([[0, 1, 2]]))
+
+    @torch.jit.export
+    def get_joint_names(self) -> list[str]:
+        return self.names
+
+    def forward(
+        self, shape: torch.Tensor, pose: torch.Tensor, expression: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        rows = pose[:, 0].round().long()
+        return self.states[rows][:, :, :3], self.states[rows]
+
+
+def test_parameters_become_bodies_with_mesh_and_rotations_by_mhr(
+    graph_file: Any, stand_in_network: Any, shown: Any, tmp_path: Path
+) -> None:
+    """MHR rests in an A-pose, with joints turned as it likes; rotations alone show how a hand is turned."""
+    model, down = load_body("embedded"), np.radians(45)
+    poses = np.random.default_rng(4).normal(0, 0.25, (4, 55, 3))
+    poses[0] = 0
+    poses[0, [JOINT_INDEX["left_shoulder"], JOINT_INDEX["right_shoulder"]], 2] = -down, down
+    poses[1:, 0] = Rotation.from_euler("x", np.pi).as_rotvec()
+    poses[1:, [JOINT_INDEX["left_wrist"], JOINT_INDEX["right_wrist"]], 0] = 0.9
+    local = Rotation.from_rotvec(poses.reshape(-1, 3)).as_matrix().reshape(4, 55, 3, 3)
+    places = model(
+        torch.from_numpy(local).float(), torch.zeros(4, model.num_betas), torch.zeros(4, 3), joints_only=True
+    ).joints.numpy()
+    world = rotations_from_tpose(local)
+    ours = [JOINT_INDEX[name] for name in JOINT_OF_MHR]
+    own_turns = Rotation.random(len(ours), rng=5).as_matrix()
+    flip = np.diag([1.0, -1.0, -1.0])
+    states = np.zeros((4, 1 + len(ours), 8))
+    for body, axes in enumerate([np.eye(3), flip, flip, flip]):
+        states[body, 1:, :3] = 100 * places[body, ours] @ axes
+        turns = axes @ world[body, ours] @ np.swapaxes(world[0, ours], -1, -2) @ own_turns
+        states[body, 1:, 3:7] = Rotation.from_matrix(turns).as_quat()
+    states[:, 0, 6] = 1
+    path = tmp_path / "mhr_model.pt"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        torch.jit.script(FakeMhr(["body_world", *JOINT_OF_MHR.values()], states)).save(str(path))
+    answers = {name: np.zeros((3, *shape[1:])) for name, (_, shape) in OUTPUTS.items() if name != "joints_3d"}
+    answers["mhr_params"][:, 0] = 1, 2, 3
+    answers["cam_trans"][:] = [0.1, 0.2, 4.0]
+    outputs = {name: OUTPUTS[name] for name in answers}
+    network = stand_in_network(INPUTS, outputs, lambda *_: answers)
+    network.show(shown(IMAGE))
+    backend = InstantHmr(InstantHmr.Options(mhr=str(path)))
+    backend._mhr = MhrModel(path)
+    backend._network = backend.match(network)
+    found = backend.infer(IMAGE, PEOPLE, OWN_CAMERA, NO_KEYPOINTS, Hints())
+    np.testing.assert_allclose(found.mesh.vertices[:, 1:], places[1:, ours] + [0.1, 0.2, 4.0], atol=1e-3)
+    assert violations(BodyEstimator, found, people=3) == []
+
+    def wrist_errors_deg(bodies: Bodies) -> np.ndarray:
+        turned = rotations_from_tpose(rotations_from_parameters(convert_bodies(bodies, model).parameters).numpy())
+        wrists = [JOINT_INDEX["left_wrist"], JOINT_INDEX["right_wrist"]]
+        apart = np.swapaxes(turned[:, wrists], -1, -2) @ world[1:, wrists]
+        return np.degrees(Rotation.from_matrix(apart.reshape(-1, 3, 3)).magnitude())
+
+    bare = replace(found, parameters=parameters_from_rotvecs(0 * poses[1:, :22], *np.zeros((2, 3, 3))), mesh=None)
+    assert wrist_errors_deg(found).max() < 20 < wrist_errors_deg(bare).max()
+
+
+def test_a_network_without_keypoints_in_3d_needs_the_body_model(graph_file: Any) -> None:
     path = graph_file(outputs={name: port for name, port in OUTPUTS.items() if name != "joints_3d"})
-    with pytest.raises(BackendError, match="there is no output 'joints_3d'"):
+    with pytest.raises(BackendError, match="option mhr"):
         loaded(path)
 
 
