@@ -9,6 +9,7 @@
     account = false        # whether an account with granted access is required
     homepage = "https://huggingface.co/Ruicheng/moge-2-vits-normal-onnx"
     advice = ""            # how to get files that have no source
+    mirrors = []           # repositories of Hugging Face with the same files, tried after the source
     [[moge-2-vits-normal.files]]
     path = "model.onnx"    # relative to the folder of the set
     bytes = 140852051
@@ -141,7 +142,9 @@ class WeightSet:
         account: whether an account with granted access is required for the download.
         homepage: URL with more information.
         advice: how to get files that have no source.
-        files: at least one.
+        mirrors: "owner/name" of Hugging Face repositories that hold the same files, wherever inside and under
+            whatever name: a file is recognised by its SHA-256. They are tried after the source, in this order.
+        files: at least one; with mirrors, all have a SHA-256.
     """
 
     __pydantic_config__ = _TABLE
@@ -153,6 +156,7 @@ class WeightSet:
     account: StrictBool = False
     homepage: str = ""
     advice: str = ""
+    mirrors: tuple[Annotated[str, Field(pattern=r"^[\w.-]+/[\w.-]+$")], ...] = ()
     files: tuple[WeightFile, ...] = ()
 
     @property
@@ -172,7 +176,7 @@ class WeightSet:
             return self.advice
         command = f"`physic weights fetch {self.name}`"
         if not self.is_free:
-            account = "an account with access, " if self.account else ""
+            account = "an account with access, " if self.account and not self.mirrors else ""
             command = f"`physic weights fetch {self.name} --accept-licence` ({account}commercial use {self._use()})"
         return command if all(file.source for file in self.files) else f"{command}; {self.advice}"
 
@@ -184,6 +188,9 @@ class WeightSet:
             lines.append(f"  account     needed: request access at {self.homepage}, and {login}")
         elif self.homepage:
             lines.append(f"  homepage    {self.homepage}")
+        if self.mirrors:
+            also = "the same files without an account" if self.account else "the same files"
+            lines.append(f"  mirrors     {also}, compared by SHA-256: {', '.join(self.mirrors)}")
         return "\n".join(lines)
 
     def _use(self) -> str:
@@ -238,5 +245,7 @@ def _check_files(weights: WeightSet) -> None:
     for file in weights.files:
         if file.source.startswith("http://") and file.sha256 is None:
             raise ValueError(f"[{weights.name}] {file.source} is not secure: add its sha256, or use https://")
+        if weights.mirrors and file.sha256 is None:
+            raise ValueError(f"[{weights.name}] has mirrors: add the sha256 of {file.path}, by which it is found there")
         if not (file.source or weights.advice):
             raise ValueError(f"[{weights.name}] has no source for {file.path}: write in 'advice' how to get it")

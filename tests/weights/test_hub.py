@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -169,6 +170,31 @@ def test_a_token_goes_to_the_hub_and_not_to_where_it_sends_us(hub: Hub, server: 
 def test_a_gated_repository_is_said(hub: Hub):
     source = hub.refuse("model.onnx", 403, "GatedRepo", "Access to model owner/net is restricted")
     assert "restricted" in refusal(source)
+
+
+def test_behind_a_gate_a_mirror_is_taken_that_has_a_file_of_the_same_hash(hub: Hub, own_cache: Path):
+    """The mirror may name its files as it likes; of a small one the hub tells the size alone."""
+    hub.add("any/name.bin", CONTENT, repository="other/mirror", revision=COMMIT)
+    hub.add("settings", CONFIG, repository="other/mirror", revision=COMMIT)
+    large = {"sha256": HASH, "size": len(CONTENT), "pointerSize": 134}
+    siblings = [
+        {"rfilename": "README.md", "size": 3},
+        {"rfilename": "settings", "size": len(CONFIG)},
+        {"rfilename": "any/name.bin", "size": len(CONTENT), "lfs": large},
+    ]
+    page = json.dumps({"id": "other/mirror", "sha": COMMIT, "siblings": siblings}).encode()
+    hub.server.add("/api/models/other/mirror", page, headers={"Content-Type": "application/json"})
+    gated = weights(
+        WeightFile("model.ckpt", len(CONTENT), HASH, hub.refuse("model.ckpt", 403, "GatedRepo")),
+        WeightFile("config.yaml", len(CONFIG), hashlib.sha256(CONFIG).hexdigest(), hub.refuse("config.yaml", 403)),
+        account=True,
+        mirrors=("other/mirror",),
+    )
+    with pytest.raises(DownloadError, match="without --accept-licence"):
+        fetch(gated)
+    assert fetch(gated, accept=True) == ("model.ckpt", "config.yaml")
+    assert left(own_cache) == ["net/config.yaml", "net/model.ckpt"]
+    assert fetch(gated) == ()
 
 
 def test_a_file_that_is_gone_names_the_homepage(hub: Hub):

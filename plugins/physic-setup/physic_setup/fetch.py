@@ -89,18 +89,24 @@ def _fetch_file(weights: WeightSet, file: WeightFile, folder: Path, *, in_folder
     target = folder / file.path
     check_writable(target.parent)
     with tempfile.TemporaryDirectory(dir=folder, prefix=".download-") as scratch:
-        try:
-            found = _from_hub(file.origin) if isinstance(file.origin, HubSource) else _from_web(file, Path(scratch))
-        except Exception as error:  # of two libraries and of HTTP clients that depend on their versions
+        errors = []
+        for place in (file.source, *weights.mirrors):
+            try:
+                found = _from_place(file, place, Path(scratch))
+                break
+            except Exception as error:  # of two libraries and of HTTP clients that depend on their versions
+                errors.append((place, error))
+        else:
             homepage = f"; see {weights.homepage}" if weights.homepage else ""
-            raise DownloadError(f"{file.source}: {error}{homepage}") from error
+            tried = "\n".join(f"{place}: {error}" for place, error in errors)
+            raise DownloadError(f"{tried}{homepage}") from errors[0][1]
         if wrong := describe_mismatch(found, file):
             for path in {found.resolve(), found}:  # the cache of Hugging Face has a file, and a link of its revision
                 path.unlink()
-            raise DownloadError(f"{file.source} was downloaded, but {wrong}: removed")
-        if not isinstance(file.origin, HubSource):
+            raise DownloadError(f"{place} was downloaded, but {wrong}: removed")
+        if place == file.source and not isinstance(file.origin, HubSource):
             os.replace(found, target)
-        elif in_folder:
+        elif in_folder or place != file.source:
             _copy(found, target)
 
 
@@ -112,10 +118,28 @@ def _copy(found: Path, target: Path) -> None:
     os.replace(part, target)
 
 
+def _from_place(file: WeightFile, place: str, scratch: Path) -> Path:
+    """Download a file from its source, or from a mirror: the repository "owner/name" on Hugging Face."""
+    if place != file.source:
+        return _from_hub(_find_in_mirror(file, place))
+    return _from_hub(file.origin) if isinstance(file.origin, HubSource) else _from_web(file, scratch)
+
+
 def _from_hub(origin: HubSource) -> Path:
     import huggingface_hub as hub
 
     return Path(hub.hf_hub_download(origin.repository, origin.path, revision=origin.revision))
+
+
+def _find_in_mirror(file: WeightFile, repository: str) -> HubSource:
+    """Return the file of a mirror that has the published SHA-256; of a small file the hub tells the size alone."""
+    import huggingface_hub as hub
+
+    listed = hub.HfApi().model_info(repository, files_metadata=True)
+    for one in listed.siblings or ():
+        if file.sha256 == one.lfs.sha256 if one.lfs else file.bytes == one.size:
+            return HubSource(repository, one.rfilename, listed.sha or "main")
+    raise DownloadError(f"it has no file with the SHA-256 of {file.path}")
 
 
 def _from_web(file: WeightFile, scratch: Path) -> Path:
