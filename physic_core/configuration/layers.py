@@ -11,6 +11,7 @@ import os
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +42,12 @@ def preset_names() -> tuple[str, ...]:
 def is_path(name: str) -> bool:
     """Return whether a string is a file path rather than the name of a preset."""
     return name.endswith((".toml", ".json")) or "/" in name or os.sep in name
+
+
+def preset_comment(name: str) -> list[str]:
+    """Return the lines, each beginning with "#", that introduce a preset: what is in it, and under which licences."""
+    lines = (_PRESETS / f"{name}.toml").read_text(encoding="utf-8").splitlines()
+    return list(takewhile(lambda line: line.startswith("#"), lines))
 
 
 def preset_layers(name: str) -> list[SettingsLayer]:

@@ -46,7 +46,7 @@ def test_a_command_that_looks_around_imports_nothing_heavy(arguments: list[str])
     assert imports(arguments, HEAVY) == "heavy: []"
 
 
-@pytest.mark.parametrize("preset", ["best", "embedded", "light-cpu", "mock", "paper"])
+@pytest.mark.parametrize("preset", ["best", "embedded", "light-cpu", "mock", "open-body", "paper"])
 def test_a_config_is_checked_without_torch_and_without_a_runtime(preset: str):
     # 4: weights are missing here.
     assert imports(["config", "check", "--preset", preset], {"torch", "onnxruntime"}, (0, 4)) == "heavy: []"

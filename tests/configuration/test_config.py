@@ -240,7 +240,7 @@ def test_a_device_is_called_as_torch_calls_it(device: str):
 
 
 def test_a_preset_that_does_not_exist_is_named_with_those_that_do(write):
-    assert "light-cpu, mock, open, paper. Did you mean 'embedded'?" in refusal(preset="embeded")
+    assert "light-cpu, mock, open, open-body, paper. Did you mean 'embedded'?" in refusal(preset="embeded")
     assert "config.toml extends 'splendid': no preset" in refusal(write('extends = "splendid"\n'))
 
 

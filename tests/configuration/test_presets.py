@@ -1,4 +1,4 @@
-"""What the presets paper and best lack is listed, each with how to get it, before the photo is read."""
+"""What the presets paper, best and open-body lack is listed, each with how to get it, before the photo is read."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ LACKING = {
         *("hf download black-forest-labs/FLUX.1-dev", "https://smpl.is.tue.mpg.de", *SHARED),
     ),
     "best": (
-        *("sam3-hf", "big-lama", "moge-2-vitl-normal", "sam-3d-body-vith"),
-        *("https://github.com/facebookresearch/sam-3d-body", *SHARED),
+        *("sam3-hf", "big-lama", "moge-2-vitl-normal", "sam-3d-body-dinov3"),
+        *("https://github.com/facebookresearch/sam-3d-body", "https://github.com/facebookresearch/dinov3", *SHARED),
     ),
+    "open-body": ("moge-2-vitl-normal", "sam2.1-hiera-large", "rtmw3d-x", "big-lama"),
 }
 """Preset -> weights, code and files that it lacks where nothing is here."""
 WAYS = ("physic weights fetch", "register at", "pip install", "git clone", "hf download", "https://", "a machine with")

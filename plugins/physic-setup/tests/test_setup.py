@@ -67,6 +67,12 @@ def physic(*arguments: str) -> Result:
     return CliRunner().invoke(main, list(arguments))
 
 
+def test_licences_sizes_and_what_was_not_measured_are_the_first_that_is_said(tmp_path: Path) -> None:
+    done = physic("setup", "open-body", "--folder", str(tmp_path))
+    first = done.stdout.split("physic setup open-body:")[0]
+    assert all(word in first for word in ("RTMW3D", "2.6 GB", "Apache-2.0", "Not measured"))
+
+
 @pytest.fixture
 def thing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, str]:
     """A plugin whose repository is a folder here; its commit."""

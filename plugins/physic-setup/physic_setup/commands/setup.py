@@ -33,13 +33,17 @@ if TYPE_CHECKING:
 def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool) -> None:
     """Print a shell script that installs the estimators of PRESET; its comments list what you have to do yourself.
 
+    First it says what the preset contains, under which licences, and what was not measured.
+
     Steps that are done are marked, and skipped by --run: the same command goes on where it stopped. A licence that
     restricts use is never accepted for you. Exits with code 4 if a step remains.
     """
+    from physic_core.configuration.layers import preset_comment
     from physic_setup.steps import pin_setup, read_config
 
     place = (folder or Path(f"physic-{preset}")).absolute()
     found = _find(preset, place)
+    echo("\n".join((*preset_comment(preset), "#")))
     if not run_steps:
         echo("\n".join(_script(found, preset, place)))
     else:
