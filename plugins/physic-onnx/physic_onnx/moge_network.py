@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
@@ -41,6 +42,8 @@ SIGNATURES = {
     )
 }
 _PATCH = 14  # px
+_LEAST_SHARE = 0.85  # of the tokens
+_MOST_SQUASH = 0.01  # by which the aspect may change, as a logarithm
 _CACHE_SIZE = 2  # photos: the inpainted one is asked about again after the original
 
 
@@ -67,14 +70,26 @@ class AffinePoints:
         return surface
 
 
-def network_input_size(height: int, width: int, tokens: int) -> tuple[int, int]:
-    """Return the height and width to which a photo is reduced.
+def network_input_size(height: int, width: int, tokens: int) -> tuple[int, int, int]:
+    """Return the height and width to which a photo is reduced, px, and the number of patches to ask for.
 
-    The network resizes its input to ``tokens`` patches of 14 px without antialiasing. A larger photo is therefore
-    reduced before.
+    The network resizes what it gets to patches of 14 px: with antialiasing in its authors' code, without in the files.
+    So a larger photo is reduced here to whole patches, which the network then leaves as they are. Of the grids of at
+    least :data:`_LEAST_SHARE` of ``tokens``, the one nearest to the photo's aspect is taken. If none is near, as for a
+    narrow strip, the photo keeps its aspect and is resized twice.
     """
-    factor = min(1.0, (tokens * _PATCH**2 / (height * width)) ** 0.5)
-    return max(1, round(height * factor)), max(1, round(width * factor))
+    factor = (tokens * _PATCH**2 / (height * width)) ** 0.5
+    if factor >= 1:
+        return height, width, tokens
+    most = int(factor * height / _PATCH)
+    grids = [(rows, round(rows * width / height)) for rows in range(max(1, int(_LEAST_SHARE**0.5 * most)), most + 2)]
+    fits = [grid for grid in grids if _LEAST_SHARE * tokens <= grid[0] * grid[1] <= tokens]
+    off, (rows, columns) = min(
+        ((abs(math.log(c / r * height / width)), (r, c)) for r, c in fits), default=(math.inf, (0, 0))
+    )
+    if off > _MOST_SQUASH:
+        return max(1, round(height * factor)), max(1, round(width * factor)), tokens
+    return rows * _PATCH, columns * _PATCH, rows * columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +175,8 @@ _RUNNERS: WeakValueDictionary[Hashable, SharedMoge] = WeakValueDictionary()
 
 def _run(network: Network, match: PortMatch, image: UInt8Array, tokens: int) -> AffinePoints:
     """Run the network on a photo and check its outputs."""
-    seen = resize_image(image, *network_input_size(image.shape[0], image.shape[1], tokens), "bilinear-antialias")
+    height, width, tokens = network_input_size(image.shape[0], image.shape[1], tokens)
+    seen = resize_image(image, height, width, "bilinear-antialias")
     feed: dict[str, NDArray[np.generic]] = {
         "image": normalized_nchw(seen),  # the graph subtracts mean and divides by deviation itself
         # The published files take it without dimensions, and refuse one of shape (1,).

@@ -189,7 +189,7 @@ class TestWorld:
     def test_photo_larger_than_what_is_seen_is_reduced_and_answered_at_its_own_size(self, perfect, loaded):
         world = build_world("stand", 1, (960, 720))
         found = loaded(Moge2Depth, tokens=1200).infer(world.empty_image, Hints())
-        assert perfect.networks[0].fed["image"].shape[2:] == network_input_size(720, 960, 1200) == (420, 560)
+        assert perfect.networks[0].fed["image"].shape[2:] == (420, 560)
         assert found.intrinsics.fx == pytest.approx(world.intrinsics.fx, rel=1e-4)
         assert (found.intrinsics.width, found.intrinsics.height) == (960, 720)
         off = np.abs(found.depth / world.empty_depth - 1)
@@ -292,11 +292,21 @@ class TestOddAnswers:
 @pytest.mark.parametrize(
     ("size", "tokens", "seen"),
     [
-        ((240, 320), 1800, (240, 320)),
-        ((3000, 4000), 1800, (514, 686)),
-        ((4000, 3000), 3600, (970, 727)),
-        ((20, 30000), 1200, (13, 18783)),
+        ((240, 320), 1800, (240, 320, 1800)),
+        ((3000, 4000), 1800, (504, 672, 36 * 48)),
+        ((20, 30000), 1200, (13, 18783, 1200)),
     ],
 )
-def test_photo_is_reduced_to_the_pixels_of_its_patches_and_never_enlarged(size, tokens, seen):
+def test_photo_is_reduced_to_whole_patches_and_never_enlarged(size, tokens, seen):
     assert network_input_size(*size, tokens) == seen
+
+
+@pytest.mark.parametrize("tokens", [1200, 2500, 3600])
+@pytest.mark.parametrize("size", [(1080, 1920), (2000, 3000), (3024, 4032), (4000, 2250), (1439, 2560), (1501, 1999)])
+def test_the_network_resizes_nothing_of_what_it_gets(size, tokens):
+    """By its forward pass it rounds sqrt(tokens / aspect) and sqrt(tokens * aspect) to rows and columns of patches."""
+    height, width, asked = network_input_size(*size, tokens)
+    aspect = width / height
+    assert (14 * round((asked / aspect) ** 0.5), 14 * round((asked * aspect) ** 0.5)) == (height, width)
+    assert 0.85 * tokens <= asked <= tokens
+    assert abs(np.log(aspect * size[0] / size[1])) < 0.01
