@@ -119,18 +119,19 @@ def main() -> int:
     parser.add_argument("out", type=Path)
     parser.add_argument("--films", type=int, default=6, metavar="N", help="frames of each film")
     parser.add_argument("--photos", type=int, default=15, metavar="N", help="photos that are cut")
+    parser.add_argument("--config", type=Path, metavar="FILE", help="configuration, in place of the preset embedded")
     parser.add_argument("--write", action="store_true", help="write the fitted file")
     given = parser.parse_args()
     samples = samples_of(given.data, given.films)
     if given.step == "sample":
         from physic_core import Pipeline, load_config
 
-        with Pipeline(load_config(preset="embedded")) as pipeline:
+        with Pipeline(load_config(given.config, preset="embedded")) as pipeline:
             for sample in samples:
                 keep_features(sample, pipeline, given.out)
         return 0
     if given.step == "cut":
-        cut_pictures(samples, given.out, given.photos)
+        cut_pictures(samples, given.out, given.photos, given.config)
         return 0
     fit_all(cases_of(samples, given.out), write=given.write)
     return 0
@@ -251,7 +252,7 @@ def removed_parts(y: Mapping[str, float], judged: Mapping[str, bool], row: float
     return found
 
 
-def cut_pictures(samples: Sequence[Sample], out: Path, count: int) -> None:
+def cut_pictures(samples: Sequence[Sample], out: Path, count: int, config: Path | None = None) -> None:
     """Print the scores of the parts that are removed from the largest person of photos of half "held"."""
     import cv2
 
@@ -260,7 +261,7 @@ def cut_pictures(samples: Sequence[Sample], out: Path, count: int) -> None:
 
     photos = [s for s in samples if s.frame is None and _digest(picture_name(s)) % 2 == 1]
     rows: dict[str, list[tuple[float, bool]]] = {}
-    with Pipeline(load_config(preset="embedded")) as pipeline:
+    with Pipeline(load_config(config, preset="embedded")) as pipeline:
         for sample in sorted(photos, key=lambda s: _digest(s.name + "cut"))[:count]:
             people = judged_parts(sample, json.loads((out / f"{sample.set}-{sample.name}.json").read_text()))
             if not people:

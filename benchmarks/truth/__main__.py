@@ -1,6 +1,6 @@
 """How accurate a preset is on real photos with measured truth: a table with intervals, and every number as JSON.
 
-    python -m benchmarks.truth DATA ... --out truth-results [--preset embedded] [--photos N] [--jobs 2]
+    python -m benchmarks.truth DATA ... --out truth-results [--preset embedded | --config FILE] [--photos N] [--jobs 2]
 
 DATA are folders that hold the data sets ``mpi_inf_3dhp``, ``panoptic``, ``roundtable``, ``people2d``, ``parkour``,
 ``contact`` and ``rgbd``, or some of them; missing ones are skipped. Every photo is reconstructed by ``physic run`` in a
@@ -34,6 +34,7 @@ def main() -> int:
     parser.add_argument("data", nargs="*", type=Path, help="folders that hold the data sets")
     parser.add_argument("--out", type=Path, default=Path("truth-results"), help="for results and the table")
     parser.add_argument("--preset", default="embedded", help="preset of physic run")
+    parser.add_argument("--config", type=Path, metavar="FILE", help="configuration of physic run, in place of a preset")
     parser.add_argument("--set", dest="settings", action="append", default=[], metavar="KEY=VALUE", help="one setting")
     parser.add_argument("--sets", default=",".join(SETS), help="data sets, with commas between them")
     parser.add_argument("--photos", type=int, help="the first N of each data set")
@@ -49,7 +50,8 @@ def main() -> int:
     if not samples:
         print("No data set found: nothing to measure. Name folders that hold some; see benchmarks/README.md.")
         return 0
-    options = ["--preset", given.preset, *(part for setting in given.settings for part in ("--set", setting))]
+    chosen = ["--config", str(given.config.resolve())] if given.config else ["--preset", given.preset]
+    options = [*chosen, *(part for setting in given.settings for part in ("--set", setting))]
     if given.no_run:
         samples = [s for s in samples if (given.out / "answers" / s.set / f"{s.name}.json").exists()]
         if not samples:
@@ -75,7 +77,8 @@ def main() -> int:
     table = "\n\n".join([text_table(rows), table_of_parts(parts)])
     counts = {name: sum(sample.set == name for sample in samples) for name in SETS}
     measured = {
-        "preset": given.preset,
+        "preset": None if given.config else given.preset,
+        "config": str(given.config) if given.config else None,
         "settings": given.settings,
         "photos": counts,
         "table": as_json(rows),
