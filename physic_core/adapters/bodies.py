@@ -133,7 +133,7 @@ _BODY = {"shoulder": 5, "elbow": 7, "hip": 9, "knee": 11, "ankle": 13}
 _EYES = {"left_eye": 1, "right_eye": 2}
 _WRIST = {"left": 62, "right": 41}
 _FIRST_FINGER = {"left": 42, "right": 21}
-_FINGERS = ("thumb", "index", "middle", "ring", "pinky")
+_FINGER_NAMES = ("thumb", "index", "middle", "ring", "pinky")
 _FOOT = {"left": (13, 15, 16), "right": (14, 18, 19)}
 """Keypoints of the ankle and the tips of the big and the small toe, whose weighted mean is the ball of the foot."""
 _BALL = np.array([0.2, 0.4, 0.4], np.float32)
@@ -151,7 +151,7 @@ def _table() -> dict[int, int]:
         table |= {number: JOINT_INDEX[f"left_{name}"], number + 1: JOINT_INDEX[f"right_{name}"]}
     for side, first in _FIRST_FINGER.items():
         table[_WRIST[side]] = JOINT_INDEX[f"{side}_wrist"]
-        for i, finger in enumerate(_FINGERS):
+        for i, finger in enumerate(_FINGER_NAMES):
             tip = first + 4 * i
             table |= {tip + 4 - k: JOINT_INDEX[f"{side}_{finger}{k}"] for k in (1, 2, 3)}
     return table

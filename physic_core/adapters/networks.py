@@ -134,8 +134,8 @@ class NetworkBackend(Backend):
         return " ".join(weights.fingerprint(self.manifest(), value) for value in self._weights_named())
 
     def _weights_named(self) -> list[str]:
-        first, *others = (getattr(self.options, option) for option in self.weight_options)
-        return [first, *filter(None, others)]
+        values = [getattr(self.options, option) for option in self.weight_options]
+        return [*values[:1], *filter(None, values[1:])]
 
 
 class TorchOptions(Options):

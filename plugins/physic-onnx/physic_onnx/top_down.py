@@ -99,9 +99,9 @@ class TopDownKeypoints(OnnxBackend, KeypointDetector):
         from physic_core.adapters.top_down import crop_around_box
         from physic_core.types import Keypoints
 
+        file = self.network.network.name
         joints, padding, grid = self._joints, self.options.padding, self.alignment()
         skeleton = SKELETON_BY_JOINTS[joints]
-        file = self.network.network.name
         if not len(people):
             return Keypoints(np.zeros((0, joints, 2)), np.zeros((0, joints)), skeleton)
         height, width = self._crop_size()

@@ -67,9 +67,13 @@ def physic(*arguments: str) -> Result:
     return CliRunner().invoke(main, list(arguments))
 
 
-def test_licences_sizes_and_what_was_not_measured_are_the_first_that_is_said(tmp_path: Path) -> None:
-    done = physic("setup", "open-body", "--folder", str(tmp_path))
-    first = done.stdout.split("physic setup open-body:")[0]
+@pytest.mark.parametrize("run", [(), ("--run",)])
+def test_licences_sizes_and_what_was_not_measured_are_said_before_any_step(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: tuple[str, ...]
+) -> None:
+    monkeypatch.setattr("physic_setup.commands.setup._run", lambda step: None)
+    done = physic("setup", "open-body", "--folder", str(tmp_path), *run)
+    first = done.stdout.partition("1. ")[0]
     assert all(word in first for word in ("RTMW3D", "2.6 GB", "Apache-2.0", "Not measured"))
 
 
@@ -119,7 +123,7 @@ def test_the_embedded_preset_needs_a_configuration_alone(tmp_path: Path, monkeyp
     assert "# Accounts: none" in printed.output.splitlines()
     assert list(tmp_path.iterdir()) == [], "printing writes nothing"
     done = physic("setup", "embedded", "--folder", "mine", "--run")
-    assert (done.exit_code, done.output.splitlines()[2]) == (0, "")
+    assert (done.exit_code, "1 of 1 steps are done" in done.output) == (0, True)
     assert tomllib.loads((tmp_path / "mine" / "embedded.toml").read_text()) == {"extends": "embedded"}
     assert physic("setup", "embedded", "--folder", "mine").exit_code == 0
 

@@ -43,10 +43,11 @@ def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool)
 
     place = (folder or Path(f"physic-{preset}")).absolute()
     found = _find(preset, place)
-    echo("\n".join((*preset_comment(preset), "#")))
+    about = preset_comment(preset)
     if not run_steps:
-        echo("\n".join(_script(found, preset, place)))
+        echo("\n".join(_script(found, preset, place, about)))
     else:
+        echo("\n".join((*about, "")))
         for number, step in enumerate(found.steps, 1):
             echo(f"{number}. {step.title}: {'done' if step.is_done else 'to do'}")
             if not step.is_done:
@@ -70,11 +71,12 @@ def _find(preset: str, folder: Path) -> Setup:
     return setup_steps(config, preset, folder, missing)
 
 
-def _script(found: Setup, preset: str, folder: Path) -> Iterator[str]:
+def _script(found: Setup, preset: str, folder: Path, about: list[str]) -> Iterator[str]:
     left = [step for step in found.steps if not step.is_done]
     config = shlex.quote(str(folder / f"{preset}.toml"))
     yield f"# physic setup {preset}: {len(left)} of {len(found.steps)} steps remain."
     yield from (f"# {line}" for line in _costs(found))
+    yield from ("", *about)
     for number, step in enumerate(found.steps, 1):
         yield ""
         yield f"# {number}. {step.title}{': done' if step.is_done else ''}"
