@@ -17,8 +17,6 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from physic_core.cache.folders import claimed_cache
 from physic_core.errors import OutputError
 from physic_core.files.atomic import atomic_write
@@ -57,6 +55,8 @@ class Digester:
 
     def _feed(self, hasher: Any, value: Any) -> None:
         """Add type, length and content of a value to a hash."""
+        import numpy as np  # hashes of files are looked up where nothing else needs it
+
         if isinstance(value, np.ndarray):
             hasher.update(f"array {value.dtype.str} {value.shape};".encode() + self._array(value))
         elif value is None or isinstance(value, bool | int | float | np.generic):
@@ -82,6 +82,8 @@ class Digester:
             raise TypeError(f"{type(value).__name__} has no digest.")
 
     def _array(self, array: AnyArray) -> bytes:
+        import numpy as np
+
         known = self._arrays.get(id(array))
         if known is not None:
             return known[1]

@@ -1,17 +1,15 @@
-"""Finding, opening and closing the one file of an adapter, and what a map of depth must be."""
+"""Finding the one file of an adapter."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.weights import read_manifest
 from physic_onnx.depth_anything import DepthAnythingMetric, DepthAnythingRelative
 from physic_onnx.depth_anything_3 import DepthAnything3
-from physic_onnx.depth_maps import fixed_input_size, mask_depth, squeeze_map
 
 ADAPTERS = (DepthAnythingMetric, DepthAnythingRelative, DepthAnything3)
 
@@ -52,36 +50,3 @@ class TestFile:
         first = DepthAnythingMetric(DepthAnythingMetric.Options(weights=str(depth_file))).fingerprint()
         depth_file.write_bytes(depth_file.read_bytes() + b"\n")
         assert first != DepthAnythingMetric(DepthAnythingMetric.Options(weights=str(depth_file))).fingerprint() != ""
-
-
-class TestMaps:
-    @pytest.mark.parametrize("shape", [(2, 3), (1, 2, 3), (1, 1, 2, 3), (1, 2, 3, 1), (1, 1, 1, 2, 3)])
-    def test_spare_axes_are_dropped(self, shape):
-        values = np.arange(6.0).reshape(shape)
-        np.testing.assert_array_equal(squeeze_map(values, "depth", "file"), np.arange(6.0).reshape(2, 3))
-
-    @pytest.mark.parametrize(
-        ("values", "words"),
-        [
-            (np.zeros((2, 3, 4)), r"depth of shape \(2, 3, 4\): one map"),
-            (np.full((2, 3), np.nan), "without one finite number"),
-            (np.full((2, 3), 0.9741), r"depth = 0\.9741 for every pixel"),
-        ],
-    )
-    def test_a_constant_map_is_refused(self, values, words):
-        with pytest.raises(BackendError, match=words):
-            squeeze_map(values, "depth", "file")
-
-    def test_flat_map_may_be_an_answer(self):
-        assert squeeze_map(np.zeros((1, 2, 3)), "sky", "file", may_be_flat=True).shape == (2, 3)
-
-    def test_depth_that_is_not_known_is_nan(self):
-        with np.errstate(invalid="raise"):
-            found = mask_depth(np.array([[1.0, 0.0, -2.0], [np.nan, np.inf, 9.0]], np.float32), 5.0)
-        np.testing.assert_array_equal(found, np.array([[1, np.nan, np.nan], [np.nan, np.nan, np.nan]], np.float32))
-        with pytest.raises(BackendError, match="nothing in this photo nearer than 5 m"):
-            mask_depth(np.array([[9.0]], np.float32), 5.0)
-
-    def test_fixed_and_free_sides(self):
-        assert fixed_input_size((1, 3, 518, 518)) == (518, 518)
-        assert fixed_input_size(("b", 3, "h", 504)) == (None, 504)

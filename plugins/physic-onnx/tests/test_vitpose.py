@@ -135,14 +135,6 @@ def test_people_do_not_depend_on_their_batch(vitpose: Any, batch: int | str) -> 
     assert np.allclose(together.points, np.concatenate([one.points for one in alone]), atol=1e-6)
 
 
-def test_a_folder_with_one_graph_and_its_tensors_is_a_file(vitpose: Any, tmp_path: Path) -> None:
-    vitpose()
-    (tmp_path / "backbone.blocks.0.weight").write_bytes(b"tensor")
-    backend = VitPose(VitPose.Options(weights=str(tmp_path)))
-    backend.load()
-    assert backend.infer(blobs(PLACES), people(BOX)).skeleton == "coco17"
-
-
 @pytest.fixture(scope="module")
 def stand_in_vitpose(stand_in: Any, stand_in_network: Any) -> Any:
     """The adapter over a network that draws a Gaussian where each joint of the person in the crop truly is."""

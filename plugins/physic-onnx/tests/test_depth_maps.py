@@ -1,0 +1,85 @@
+"""Depth networks: input sizes, checked maps, and disparity to points."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from physic_core.errors import BackendError
+from physic_core.types import Intrinsics
+from physic_onnx.depth_maps import (
+    clip_disparity,
+    fixed_input_size,
+    input_size_by_long_side,
+    input_size_least_scaling,
+    limit_patches,
+    mask_depth,
+    points_from_disparity,
+    squeeze_map,
+)
+
+
+def test_the_inverse_is_the_depth_in_units_of_the_median_distance():
+    depth = np.linspace(1.0, 5.0, 35).reshape(5, 7).astype(np.float32)
+    camera = Intrinsics.from_focal(8.0, 7, 5)
+    points, valid = points_from_disparity(*clip_disparity(1 / depth), camera)
+    assert valid.all()
+    np.testing.assert_allclose(points[..., 2], depth / 3.0, rtol=1e-6)
+    np.testing.assert_allclose(points[..., 0], points[..., 2] * ((np.arange(7) - 3.0) / 8.0), atol=1e-7)
+    np.testing.assert_allclose(points[..., 1], points[..., 2] * ((np.arange(5) - 2.0) / 8.0)[:, None], atol=1e-7)
+
+
+SIDES = st.integers(14, 4000)
+
+
+@given(SIDES, SIDES)
+def test_sizes_are_whole_patches(height: int, width: int) -> None:
+    for rows, columns in (input_size_least_scaling(height, width, 518), input_size_by_long_side(height, width, 504)):
+        assert rows % 14 == columns % 14 == 0
+        assert min(rows, columns) >= 14
+
+
+@given(SIDES, SIDES, st.integers(16, 6000))
+def test_a_limit_of_patches_reduces_and_never_enlarges(height: int, width: int, most: int) -> None:
+    rows, columns = input_size_least_scaling(height, width, 518)
+    less = limit_patches(rows, columns, most)
+    assert less[0] % 14 == less[1] % 14 == 0
+    assert less[0] <= rows
+    assert less[1] <= columns
+    # A strip of one patch cannot become thinner.
+    assert (less[0] // 14) * (less[1] // 14) <= most or 14 in less
+
+
+class TestMaps:
+    @pytest.mark.parametrize("shape", [(2, 3), (1, 2, 3), (1, 1, 2, 3), (1, 2, 3, 1), (1, 1, 1, 2, 3)])
+    def test_spare_axes_are_dropped(self, shape):
+        values = np.arange(6.0).reshape(shape)
+        np.testing.assert_array_equal(squeeze_map(values, "depth", "file"), np.arange(6.0).reshape(2, 3))
+
+    @pytest.mark.parametrize(
+        ("values", "words"),
+        [
+            (np.zeros((2, 3, 4)), r"depth of shape \(2, 3, 4\): one map"),
+            (np.full((2, 3), np.nan), "without one finite number"),
+            (np.full((2, 3), 0.9741), r"depth = 0\.9741 for every pixel"),
+        ],
+    )
+    def test_a_constant_map_is_refused(self, values, words):
+        with pytest.raises(BackendError, match=words):
+            squeeze_map(values, "depth", "file")
+
+    def test_flat_map_may_be_an_answer(self):
+        assert squeeze_map(np.zeros((1, 2, 3)), "sky", "file", may_be_flat=True).shape == (2, 3)
+
+    def test_depth_that_is_not_known_is_nan(self):
+        with np.errstate(invalid="raise"):
+            found = mask_depth(np.array([[1.0, 0.0, -2.0], [np.nan, np.inf, 9.0]], np.float32), 5.0)
+        np.testing.assert_array_equal(found, np.array([[1, np.nan, np.nan], [np.nan, np.nan, np.nan]], np.float32))
+        with pytest.raises(BackendError, match="nothing in this photo nearer than 5 m"):
+            mask_depth(np.array([[9.0]], np.float32), 5.0)
+
+    def test_fixed_and_free_sides(self):
+        assert fixed_input_size((1, 3, 518, 518)) == (518, 518)
+        assert fixed_input_size(("b", 3, "h", 504)) == (None, 504)
