@@ -8,8 +8,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from physic_core.interfaces.backend import Backend, Request
 from physic_core.interfaces.checks import (
     check_array,
@@ -114,5 +112,5 @@ def valid_keypoint_rows(keypoints: Keypoints) -> BoolArray:
     if keypoints.world is not None:
         valid &= (within(keypoints.world, METRES).all(-1) | undetected).all(1)
     for _, sigma in _sigmas(keypoints):
-        valid &= (np.isfinite(sigma) & (sigma > 0) | undetected).all(1)
+        valid &= (within(sigma, PIXELS) & (sigma > 0) | undetected).all(1)
     return valid
