@@ -84,6 +84,7 @@ def parameters(**values: Any) -> dict[str, BodyParameters]:
         (PEOPLE, {"surfaces": SurfaceLabels(np.ones((H, W), np.uint8), ("wall", "floor"))}),
         (PEOPLE, {"masks": MASKS[:0], "boxes": BOXES[:0], "scores": np.zeros(0, np.float32), "keypoints": None}),
         (KEYPOINTS, {}),
+        (KEYPOINTS, {"sigma": np.full((2, 17), 3.0), "depth_sigma": np.full((2, 17), 0.07)}),
         (POINTMAP, {}),
         (DEPTH, {"scale_sigma": np.float32(0.1), "notes": ["a"]}),
         *((BODIES, mesh(MESH.vertices, FACES.astype(kind))) for kind in (np.int64, np.uint32)),
@@ -120,6 +121,8 @@ def test_valid_results_have_no_violation(result: Any, changes: dict[str, Any]) -
         (PEOPLE, {"surfaces": np.zeros((H, W), np.uint8)}, ["surfaces must be SurfaceLabels, got ndarray"]),
         (KEYPOINTS, {"skeleton": 17}, ["skeleton must be a Skeleton or the name of a standard one, got int", ...]),
         (KEYPOINTS, {"confidence": np.eye(2, 17) * 7}, ["confidence must lie in [0, 1], got 0 to 7"]),
+        (KEYPOINTS, {"sigma": np.zeros((2, 17))}, ["sigma must be above 0 where confidence is"]),
+        (KEYPOINTS, {"world": None, "depth_sigma": np.ones((2, 17))}, ["depth_sigma is given without world..."]),
         (POINTMAP, {"points": nan_at(POINTMAP.points)}, ["points must be finite, 144 values are not"]),
         (
             POINTMAP,
