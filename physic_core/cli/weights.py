@@ -52,7 +52,7 @@ def list_weights(missing: bool, as_json: bool) -> None:
     rows = [("weights", "plugin", "size", "commercial use", "account", "state", "licence")]
     for one in sets:
         found = one.weights
-        account = "needed" if found.account else "-"
+        account = "needed" if found.needs_account else "-"
         rows.append(
             (
                 *(found.name, one.offer.distribution, _size(found.bytes), _USE[found.commercial], account),

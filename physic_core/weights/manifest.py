@@ -170,13 +170,18 @@ class WeightSet:
         """Whether the licence allows commercial use, and no account is required."""
         return self.commercial is True and not self.account
 
+    @property
+    def needs_account(self) -> bool:
+        """Whether the files cannot be had without an account."""
+        return self.account and not self.mirrors
+
     def how_to_get(self) -> str:
         """Return the command or the advice to get the files."""
         if not any(file.source for file in self.files):
             return self.advice
         command = f"`physic weights fetch {self.name}`"
         if not self.is_free:
-            account = "an account with access, " if self.account and not self.mirrors else ""
+            account = "an account with access, " if self.needs_account else ""
             command = f"`physic weights fetch {self.name} --accept-licence` ({account}commercial use {self._use()})"
         return command if all(file.source for file in self.files) else f"{command}; {self.advice}"
 
@@ -185,12 +190,12 @@ class WeightSet:
         lines = [f"  licence     {self.license}", f"  commercial  use {self._use()}"]
         if self.account:
             login = "log in there (for Hugging Face by `hf auth login` or HF_TOKEN)"
-            lines.append(f"  account     needed: request access at {self.homepage}, and {login}")
+            need = "needed" if self.needs_account else "for the first source alone"
+            lines.append(f"  account     {need}: request access at {self.homepage}, and {login}")
         elif self.homepage:
             lines.append(f"  homepage    {self.homepage}")
         if self.mirrors:
-            also = "the same files without an account" if self.account else "the same files"
-            lines.append(f"  mirrors     {also}, compared by SHA-256: {', '.join(self.mirrors)}")
+            lines.append(f"  mirrors     the same files, compared by SHA-256: {', '.join(self.mirrors)}")
         return "\n".join(lines)
 
     def _use(self) -> str:

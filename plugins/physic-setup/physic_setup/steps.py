@@ -121,7 +121,7 @@ def setup_steps(config: Config, preset: str, folder: Path, missing: tuple[str, .
     absent = {file for _, file in files if not file.is_here}
     sizes = [file.bytes for weights in sets for file in weights.files if not _is_here(weights, file.path)]
     sizes += [file.bytes for file in absent]
-    accounts = [weights.homepage for weights in sets if weights.account and not _is_complete(weights)]
+    accounts = [weights.homepage for weights in sets if weights.needs_account and not _is_complete(weights)]
     accounts += [file.account for file in absent if file.account]
     gpu = _unique(plan, GpuMemory)
     unpinned = [f"{weights.name}/{file.path}" for weights in sets for file in weights.files if not file.is_pinned]
