@@ -1,24 +1,198 @@
-"""WiLoR: what its network is shown, how answers are read, and the whole kit with a perfect network."""
+"""Hands: boxes from keypoints, the user's MANO file, rotations of right-hand networks, and WiLoR."""
 
 from __future__ import annotations
 
+import os
+import pickle
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from scipy.spatial.transform import Rotation
 
-from physic_core.errors import BackendError
-from physic_core.types import Keypoints, People
-from physic_human.hands import mirror_rotvecs
+from physic_core.errors import BackendError, BodyModelError
+from physic_core.interfaces import HandEstimator
+from physic_core.types import Keypoints, People, Skeleton
+from physic_human.hands import chumpy_free_copy, hand_boxes, hands_from_mano, mirror_rotvecs
 from physic_human.wilor import Wilor, WilorOptions
+from physic_testing import violations
 from physic_testing.body_files import mano_arrays, write_published
 from physic_testing.conformance import parametrize_with_checks
 from physic_testing.conformance.hand_estimator import true_hands
 from physic_testing.worlds import World
 
 from .seen import CropsOnWorlds, Place, coordinates, nearest, network_of, pixels, place_of, wrist_turns
+
+
+def blank(skeleton: Skeleton | str, count: int, people: int = 1) -> Keypoints:
+    return Keypoints(np.zeros((people, count, 2)), np.zeros((people, count)), skeleton)
+
+
+def test_the_21_points_of_a_hand_give_its_box() -> None:
+    given = blank("coco_wholebody133", 133)
+    given.points[0, 91:112] = np.random.default_rng(0).uniform([50, 80], [90, 140], (21, 2))
+    given.points[0, 91], given.points[0, 92] = [50, 80], [90, 140]
+    given.confidence[0, 91:112] = 0.8
+    found = hand_boxes(given)
+    np.testing.assert_allclose(found.boxes, [[50.5, 80.5, 90.5, 140.5]])  # half open: counted from edges of pixels
+    np.testing.assert_allclose(found.confidence, [0.8])
+    assert found.right.tolist() == [False]
+    assert not len(hand_boxes(given, least_confidence=0.9))
+
+
+def test_all_confidences_of_a_hand_count_in_its_mean() -> None:
+    """As in the code of the PhySIC paper, which lowers no confidence before it chooses hands."""
+    given = blank("coco_wholebody133", 133)
+    given.points[0, 91:112] = np.linspace([50, 80], [90, 140], 21)
+    given.confidence[0, 91:112] = [0.95] * 15 + [0.3] * 6  # without those below 0.5 the mean is 0.68
+    np.testing.assert_allclose(hand_boxes(given, least_confidence=0.7).confidence, [0.764], atol=1e-3)
+
+
+def test_left_is_the_persons_left() -> None:
+    given = blank("coco_wholebody133", 133, people=2)
+    given.points[1, 112:133] = np.linspace([0, 0], [30, 40], 21)
+    given.confidence[1, 112:133] = 0.9
+    found = hand_boxes(given)
+    assert found.person.tolist() == [1]
+    assert found.right.tolist() == [True]
+
+
+def test_a_hand_is_beyond_the_wrist_where_only_arms_are_known() -> None:
+    for skeleton, count, arm in (("coco17", 17, (6, 8, 10)), ("blazepose33", 33, (12, 14, 16))):
+        given = blank(skeleton, count)
+        given.points[0, list(arm)] = [[0, 0], [100, 0], [200, 0]]
+        given.confidence[0, list(arm)] = [1.0, 0.7, 0.9]
+        found = hand_boxes(given)
+        assert found.right.tolist() == [True]
+        np.testing.assert_allclose(found.boxes[0], [233.5 - 37.5, 0.5 - 37.5, 233.5 + 37.5, 0.5 + 37.5])
+        np.testing.assert_allclose(found.confidence, [0.7])
+
+
+def test_a_forearm_towards_the_camera_does_not_make_a_small_hand() -> None:
+    given = blank("coco17", 17)
+    given.points[0, [5, 7, 9]] = [[0, 0], [0, 100], [0, 110]]
+    given.confidence[0, [5, 7, 9]] = 1.0
+    box = hand_boxes(given).boxes[0]
+    np.testing.assert_allclose(box[2] - box[0], 0.75 * 90)
+
+
+@pytest.fixture
+def mano(tmp_path: Path) -> Path:
+    return write_published(tmp_path / "MANO_RIGHT.pkl", mano_arrays())
+
+
+def unpickled(path: Path) -> dict[str, Any]:
+    """As smplx reads it."""
+    with path.open("rb") as stream:
+        found: dict[str, Any] = pickle.load(stream, encoding="latin1")
+    return found
+
+
+def require_same(found: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    assert found.keys() == arrays.keys()
+    for name, array in arrays.items():
+        assert type(found[name]) is np.ndarray
+        assert found[name].dtype == array.dtype
+        np.testing.assert_array_equal(found[name], array)
+
+
+def test_the_published_file_cannot_be_unpickled_here_and_its_copy_can(mano: Path) -> None:
+    with pytest.raises(ModuleNotFoundError, match="No module named 'chumpy'"):
+        unpickled(mano)
+    with chumpy_free_copy(str(mano), "mano") as copy:
+        require_same(unpickled(copy), mano_arrays())
+        assert copy.name == "MANO_RIGHT.pkl", "smplx tells right hands by this name"
+
+
+def test_a_copy_exists_only_inside_the_block_and_for_its_user_alone(
+    mano: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path / "kept"))
+    with chumpy_free_copy(mano, "mano") as copy:
+        assert os.name != "posix" or copy.parent.stat().st_mode & 0o077 == 0
+    assert not copy.parent.exists()
+    assert not (tmp_path / "kept").exists()
+
+
+class Runs:
+    def __reduce__(self) -> tuple[Any, ...]:
+        return pytest.fail, ("the pickle was run",)
+
+
+def test_a_file_that_would_run_code_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "MANO_RIGHT.pkl"
+    path.write_bytes(pickle.dumps({**mano_arrays(), "bs_type": Runs()}))
+    with pytest.raises(BodyModelError, match="could run code: it is not opened"), chumpy_free_copy(path, "mano"):
+        pass
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "MANO_RIGHT.pkl"
+    with pytest.raises(BodyModelError) as caught, chumpy_free_copy(path, "mano"):
+        pass
+    assert f"no body model file {path}" in str(caught.value)
+
+
+def test_a_file_that_cannot_be_read_is_named(mano: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(path: Path, *arguments: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "open", refuse)
+    with pytest.raises(BodyModelError) as caught, chumpy_free_copy(mano, "mano"):
+        pass
+    assert f"{mano} cannot be read (Permission denied)" in str(caught.value)
+
+
+RNG = np.random.default_rng(0)
+FINGERS, TURNED_WRISTS = RNG.normal(0, 0.4, (2, 15, 3)), RNG.normal(0, 1, (2, 1, 3))
+BOTH = {"person": np.array([1, 1]), "right": np.array([False, True]), "confidence": np.array([0.8, 0.9])}
+
+
+def test_left_comes_first_and_is_mirrored_back() -> None:
+    hands = hands_from_mano(2, fingers=FINGERS, wrists=TURNED_WRISTS, **BOTH)
+    np.testing.assert_allclose(hands.rotvecs[1, 0], mirror_rotvecs(FINGERS[0]), atol=1e-6)
+    np.testing.assert_allclose(hands.rotvecs[1, 1], FINGERS[1], atol=1e-6)
+    assert hands.wrists is not None
+    np.testing.assert_allclose(hands.wrists[1], [mirror_rotvecs(TURNED_WRISTS[0, 0]), TURNED_WRISTS[1, 0]], atol=1e-6)
+    np.testing.assert_allclose(hands.confidence, [[0, 0], [0.8, 0.9]], atol=1e-6)
+    assert violations(HandEstimator, hands, people=2) == []
+
+
+def test_mano_rotations_may_be_matrices_or_vectors() -> None:
+    matrices = Rotation.from_rotvec(FINGERS.reshape(-1, 3)).as_matrix().reshape(2, 15, 3, 3)
+    whole = Rotation.from_rotvec(TURNED_WRISTS.reshape(-1, 3)).as_matrix().reshape(2, 1, 3, 3)
+    hands = hands_from_mano(2, fingers=matrices, wrists=whole, **BOTH)
+    again = hands_from_mano(2, fingers=FINGERS, wrists=TURNED_WRISTS, **BOTH)
+    assert hands.wrists is not None
+    assert again.wrists is not None
+    np.testing.assert_allclose(hands.rotvecs, again.rotvecs, atol=1e-6)
+    np.testing.assert_allclose(
+        Rotation.from_rotvec(hands.wrists[1]).as_matrix(), Rotation.from_rotvec(again.wrists[1]).as_matrix(), atol=1e-6
+    )
+
+
+def test_the_hand_with_the_higher_confidence_counts() -> None:
+    hands = hands_from_mano(1, np.zeros(2, int), np.array([True, True]), FINGERS, np.array([0.9, 0.3]))
+    np.testing.assert_allclose(hands.rotvecs[0, 1], FINGERS[0], atol=1e-6)
+
+
+def test_a_hand_that_is_not_a_number_was_not_found() -> None:
+    broken = FINGERS.copy()
+    broken[1, 3] = np.nan
+    hands = hands_from_mano(2, fingers=broken, **BOTH)
+    np.testing.assert_allclose(hands.confidence[1], [0.8, 0.0], atol=1e-6)
+    assert np.isfinite(hands.rotvecs).all()
+
+
+def test_mirrored_rotations_are_those_of_a_mirrored_world() -> None:
+    vectors = np.random.default_rng(2).normal(0, 1, (20, 3))
+    mirror = np.diag([-1.0, 1.0, 1.0])
+    turned = mirror @ Rotation.from_rotvec(vectors).as_matrix() @ mirror
+    np.testing.assert_allclose(Rotation.from_rotvec(mirror_rotvecs(vectors)).as_matrix(), turned, atol=1e-12)
+
 
 WRISTS = (20, 21)
 
