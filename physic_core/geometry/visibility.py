@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
     from physic_core.geometry.coarse_mesh import CoarseMesh
 
-_CELL_PX = 8  # side of the cells in which depths of two people are compared
-_ORDER_TOLERANCE_M = 0.02  # largest accepted difference of these depths
 _BEHIND_M = 2e-3  # least distance of a surface in front of a vertex that hides it; a smaller gap is rounding error
 
 
@@ -154,39 +152,3 @@ def self_occlusion(
     eligible[list(parts)] = True
     occluded = eligible & (lost >= share * total) & (total > 0)
     return SelfOcclusion(hidden, by_other, occluded, occluded[..., part_of_vertex])
-
-
-def depth_order_violations(vertices: Tensor, uv: Tensor, masks: Tensor) -> Tensor:
-    """Return how often a person is in front of another person although the masks show the opposite.
-
-    Vertices of person j that project onto person i's mask, but not onto j's own, must be farther than i's surface.
-
-    Args:
-        vertices: (B, V, 3) metres, camera frame.
-        uv: (B, V, 2) px, their projections.
-        masks: (B, H, W) bool, visible pixels of each person.
-
-    Returns:
-        (B, B) share of j's vertices that are wrongly nearer than i: row i, column j.
-    """
-    people, height, width = masks.shape
-    columns = width // _CELL_PX + 1
-    cells = columns * (height // _CELL_PX + 1)
-    inside = inside_image(uv, height, width)
-    safe = torch.where(inside[..., None], uv, torch.zeros_like(uv)).round().long() // _CELL_PX
-    cell = safe[..., 1] * columns + safe[..., 0]
-    z = vertices[..., 2].detach()
-    shares = z.new_zeros((people, people))
-    own = inside_mask(uv, masks)
-    for i in range(people):
-        front = torch.full((cells,), torch.inf, dtype=z.dtype, device=z.device)
-        front.scatter_reduce_(0, cell[i][inside[i]], z[i][inside[i]], "amin")
-        for j in range(people):
-            if i == j:
-                continue
-            on_other = inside_mask(uv[j], masks[i]) & ~own[j]
-            there = front[cell[j][on_other]]
-            comparable = torch.isfinite(there)
-            nearer = z[j][on_other][comparable] < there[comparable] - _ORDER_TOLERANCE_M
-            shares[i, j] = nearer.sum() / z.shape[1]
-    return shares

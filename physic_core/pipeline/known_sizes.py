@@ -14,7 +14,7 @@ from physic_core.engine.sizes.people_in_scene import size_beside_others
 from physic_core.engine.sizes.stature import STATURES_M, stature_sigmas
 from physic_core.errors import ConfigError
 from physic_core.geometry.mesh import vertex_normals
-from physic_core.pipeline.checks.specs import CHECKS
+from physic_core.pipeline.checks import CHECKS
 from physic_core.types.known_sizes import KnownPeople
 
 if TYPE_CHECKING:

@@ -1,4 +1,7 @@
-"""Numbers for the self-checks of each person, from the final bodies and their contact."""
+"""Measures of each person for the self-checks, from the final bodies, their contact and the photo.
+
+OpenCV camera frame, metres. Silhouettes are drawn at a reduced size, so that a body takes a fraction of a second.
+"""
 
 from __future__ import annotations
 
@@ -6,32 +9,31 @@ import math
 from typing import TYPE_CHECKING
 
 import torch
+import torch.nn.functional as F
 
 from physic_core.engine.contact.parts import SEAT, kind_of_part
-from physic_core.engine.joint.solve import DEEP_M
-from physic_core.engine.limbs import observed_parts
+from physic_core.engine.placement.background import dilate_square
 from physic_core.geometry.camera import project
-from physic_core.geometry.mesh import vertex_normals
-from physic_core.geometry.visibility import depth_order_violations
-from physic_core.pipeline.measures import (
-    UpAndFloor,
-    carrying_vertices,
-    clearance,
-    depth_ratio,
-    sole_height,
-    support_gap,
-    visible_share,
-)
-from physic_core.pipeline.silhouettes import PhotoEvidence, compare_silhouettes
+from physic_core.geometry.mesh import vertex_areas, vertex_normals
+from physic_core.geometry.plane import height_over_plane
+from physic_core.geometry.raster import rasterize
+from physic_core.geometry.visibility import facing_camera, inside_mask
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from torch import Tensor
 
     from physic_core.engine.contact.problem import ContactResult
     from physic_core.engine.joint.problem import JointProblem, JointResult
     from physic_core.types import Support
+
+_FACING_DEG = 70.0  # degrees; vertices beyond lie at the rim, where one pixel of the mask decides
+_FEWEST_VERTICES = 20  # with a depth, for a median
+_LONG_SIDE_PX = 400
+_CLOTHES = 0.08  # of the square root of the mask's area: clothes and hair reach beyond the body
+_RIM = 0.03  # of the same: the body may leave the mask by this much
+_IN_FRONT_M = 0.05  # a scene point nearer than the body by more hides it
+_LOW_SHARE = 0.15  # of the silhouette's height: feet of a standing person, seat or knees of another
+_FEWEST_PIXELS = 10  # with a depth, for a median
 
 
 def measure_people(problem: JointProblem, result: JointResult, found: ContactResult) -> list[dict[str, float | None]]:
@@ -43,86 +45,77 @@ def measure_people(problem: JointProblem, result: JointResult, found: ContactRes
         found: contact of the same people.
     """
     model, scale = problem.model, result.scene_scale
-    ground = UpAndFloor(result.vertices.new_tensor([0.0, -1.0, 0.0]), None)
-    if problem.floor_normal is not None:
-        ground = UpAndFloor(problem.floor_normal.to(ground.up), problem.floor_offset * scale)
-    soles = model.soles
     outward = vertex_normals(result.vertices, model.faces)
-    may_carry = carrying_vertices(model, found.parts).expand_as(found.contact)
-    if found.probability is not None:
-        may_carry = may_carry & observed_parts(model.part_names, problem.observed_anywhere)[:, model.part_of_vertex]
-    silhouettes = compare_silhouettes(result.vertices, model.faces, _photo_evidence(problem, scale))
+    silhouettes = compare_silhouettes(
+        result.vertices,
+        model.faces,
+        problem.masks,
+        problem.K,
+        None if problem.scene_depth is None else problem.scene_depth * scale,
+        None if problem.human_depth is None else problem.human_depth * scale,
+    )
     ratios = depth_ratios(problem, result)
-    deep = deep_shares(result, found.give)
-    order = _depth_order(problem, result)
-    reversed_depth = reversed_depths(result.joints[:, 0, 2].tolist(), ratios)
     measured: list[dict[str, float | None]] = [{} for _ in ratios]
     for i, (body, normals, support) in enumerate(zip(result.vertices, outward, found.supports, strict=True)):
         if support is None:
             continue
-        distance, mask = found.distance[i], problem.masks[i]
+        mask, heights = problem.masks[i], None
+        if problem.floor_normal is not None:
+            heights = height_over_plane(body, problem.floor_normal, problem.floor_offset * scale)
         seen = visible_share(body, normals, model.faces, model.outer, mask, problem.K) if bool(mask.any()) else None
         measured[i] = {
-            **_balance(support),
+            "assumed_support": float(bool(support.hidden)),
             "seat_missing": _missing_seat(support, found, i),
             **silhouettes[i],
-            **_known("depth_offset", result.depth_offset[i]),
-            **_known("reprojection_share", result.reprojection_share[i]),
-            "depth_order_share": order[i],
-            "clearance_m": clearance(body, distance, ground),
-            "sole_height_m": sole_height(body, soles, ground),
+            "clearance_m": clearance(found.distance[i], heights),
+            "sole_height_m": None if heights is None else float(heights[model.soles].min()),
             "seen_share": seen,
-            "support_gap_m": support_gap(body, normals, may_carry[i], distance, ground),
+            "depth_ratio": ratios[i],
         }
-        if problem.human_depth is not None:
-            measured[i] |= {"depth_ratio": ratios[i], "reversed_depth": reversed_depth[i]}
-        if bool(result.surface_share[i].any()):
-            measured[i]["penetration_share"] = deep[i]
     return measured
 
 
-def _known(name: str, value: Tensor) -> dict[str, float | None]:
-    """Return a number by its name; empty if it is NaN."""
-    return {} if bool(torch.isnan(value)) else {name: float(value)}
+def _missing_seat(support: Support, found: ContactResult, person: int) -> float | None:
+    """Return the probability that a person sits; 0 if a seat was found, None if the method estimates none."""
+    if not found.parts:
+        return None
+    on = (one for one in support.contacts if kind_of_part(one.part) == SEAT and one.partner.kind != "hidden")
+    return 0.0 if any(on) else float(found.parts[SEAT][person])
 
 
-def _depth_order(problem: JointProblem, result: JointResult) -> list[float]:
-    """Return the share of each person's vertices that are in front of a person who occludes them in the photo."""
-    finite = torch.isfinite(result.vertices).flatten(1).all(1)
-    vertices = result.vertices[finite]
-    behind = depth_order_violations(vertices, project(vertices, problem.K), problem.masks[finite])
-    shares: list[float] = vertices.new_zeros(len(finite)).index_put((finite,), behind.amax(0)).tolist()
-    return shares
+def clearance(distance: Tensor, heights: Tensor | None) -> float | None:
+    """Return the gap between a body and the nearest surface or floor, metres; 0 if any vertex touches.
 
-
-def reversed_depths(depths: Sequence[float], ratios: Sequence[float | None]) -> list[float | None]:
-    """Return by how much depth map and bodies disagree on which person of a pair is in front.
+    All vertices count, visible or not. None without a floor or a surface in reach.
 
     Args:
-        depths: of the pelvises, metres.
-        ratios: depth of the photo over that of each body, None where it cannot be measured.
-
-    Returns:
-        Per person, the smaller of the two differences of log depth, maximised over the other people; None
-        if no other depth is known, 0 for a person alone.
+        distance: (V,) signed, to scene or floor; inf beyond the search radius.
+        heights: (V,) over the floor; None without a floor.
     """
-    found = []
-    known = [(z, z * ratio) if ratio and z > 0 else None for z, ratio in zip(depths, ratios, strict=True)]
-    for i, own in enumerate(known):
-        others = [other for j, other in enumerate(known) if other is not None and j != i]
-        worst = 0.0 if len(known) == 1 else None
-        for other in others if own is not None else []:
-            by_body, by_map = (math.log(b / a) for a, b in zip(own or (), other, strict=True))
-            worst = max(worst or 0.0, min(abs(by_body), abs(by_map)) if by_body * by_map < 0 else 0.0)
-        found.append(worst)
-    return found
+    gap = float(distance.min())
+    if heights is not None:
+        gap = min(gap, float(heights.min()))
+    return max(0.0, gap) if gap != float("inf") else None
 
 
-def deep_shares(result: JointResult, give: Tensor) -> list[float]:
-    """Return the share of each person's visible surface over 3 cm below scene and floor, dented by ``give`` (N, V)."""
-    deep = result.depth_inside > DEEP_M + give.to(result.depth_inside)
-    shares: list[float] = (result.surface_share * deep).sum(1).tolist()
-    return shares
+def visible_share(
+    vertices: Tensor, normals: Tensor, faces: Tensor, outer: Tensor, mask: Tensor, K: Tensor
+) -> float | None:
+    """Compute the share of the camera-facing surface inside the person's mask; None without such a surface.
+
+    Parts outside the frame or occluded by people or objects are not visible.
+
+    Args:
+        vertices: (V, 3) metres.
+        normals: (V, 3) unit, out of the body.
+        faces: (F, 3) int64.
+        outer: (V,) bool, False in mouth and eyes.
+        mask: (H, W) bool, the person's visible pixels.
+        K: (3, 3) px.
+    """
+    area = vertex_areas(vertices, faces) * _camera_facing(vertices, normals, outer)
+    total = float(area.sum())
+    return float((area * inside_mask(project(vertices, K), mask)).sum()) / total if total > 0 else None
 
 
 def depth_ratios(problem: JointProblem, result: JointResult) -> list[float | None]:
@@ -137,29 +130,107 @@ def depth_ratios(problem: JointProblem, result: JointResult) -> list[float | Non
     ]
 
 
-def _balance(support: Support) -> dict[str, float | None]:
-    """Return the distance of the centre of mass from the supports, metres, and whether a hidden one is assumed."""
-    outside = support.outside_m
-    return {
-        "balance_m": None if outside is None else max(0.0, outside),
-        "assumed_support": float(bool(support.hidden)),
-    }
+def depth_ratio(
+    vertices: Tensor, normals: Tensor, outer: Tensor, mask: Tensor, K: Tensor, depth: Tensor
+) -> float | None:
+    """Compute the median ratio of a depth map to the body's depth at visible vertices; None with too few vertices.
+
+    Args:
+        vertices: (V, 3) metres.
+        normals: (V, 3) unit, out of the body.
+        outer: (V,) bool, False in mouth and eyes.
+        mask: (H, W) bool, the person's visible pixels.
+        K: (3, 3) px.
+        depth: (H, W) metres along z, NaN where unknown.
+    """
+    uv = project(vertices, K)
+    seen = _camera_facing(vertices, normals, outer) & inside_mask(uv, mask)
+    column, row = uv[seen].round().long().unbind(-1)
+    return _median_ratio(depth[row, column] / vertices[seen][:, 2], _FEWEST_VERTICES)
 
 
-def _missing_seat(support: Support, found: ContactResult, person: int) -> float | None:
-    """Return the probability that a person sits; 0 if a seat was found, None if the method estimates none."""
-    if not found.parts:
-        return None
-    on = (one for one in support.contacts if kind_of_part(one.part) == SEAT and one.partner.kind != "hidden")
-    return 0.0 if any(on) else float(found.parts[SEAT][person])
+def _camera_facing(vertices: Tensor, normals: Tensor, outer: Tensor) -> Tensor:
+    """Return (V,) bool: True for outer vertices that face the camera and are in front of it."""
+    return facing_camera(normals, vertices, _FACING_DEG) & outer & (vertices[:, 2] > 0)
 
 
-def _photo_evidence(problem: JointProblem, scale: float) -> PhotoEvidence:
-    """Return masks and depths of the problem, with the final scale of the scene."""
-    scene, photo = problem.scene_depth, problem.human_depth
-    return PhotoEvidence(
-        masks=problem.masks,
-        scene_depth=None if scene is None else scene * scale,
-        photo_depth=None if photo is None else photo * scale,
-        K=problem.K,
+def _median_ratio(ratio: Tensor, fewest: int) -> float | None:
+    """Return the median of the positive finite ratios; None with too few."""
+    ratio = ratio[torch.isfinite(ratio) & (ratio > 0)]
+    return float(ratio.median()) if len(ratio) >= fewest else None
+
+
+def compare_silhouettes(
+    vertices: Tensor,
+    faces: Tensor,
+    masks: Tensor,
+    K: Tensor,
+    scene_depth: Tensor | None = None,
+    photo_depth: Tensor | None = None,
+) -> list[dict[str, float | None]]:
+    """Measure how the silhouettes of N bodies agree with their masks, and the depth of their lower ends.
+
+    Args:
+        vertices: (N, V, 3) metres.
+        faces: (F, 3) int64.
+        masks: (N, H, W) bool, visible pixels of the same N people.
+        K: (3, 3) px.
+        scene_depth: (H, W) metres along z of the scene without people, NaN where unknown; or None.
+        photo_depth: (H, W) metres along z of the photo with its people, NaN where unknown; or None.
+
+    Returns:
+        Per person "mask_covered_share": share of the mask within the body's silhouette, dilated for clothes;
+        "body_in_mask_share": share of the silhouette within the mask, without pixels occluded by other people or
+        nearer objects, or outside the photo; "low_depth_ratio": median ratio of the photo's depth to the
+        body's over the lowest visible part of the silhouette. None where nothing can be measured.
+    """
+    height, width = masks.shape[-2:]
+    scale = min(1.0, _LONG_SIDE_PX / max(height, width))
+    size = (max(1, round(height * scale)), max(1, round(width * scale)))
+    masks = F.interpolate(masks[:, None].float().cpu(), size, mode="area")[:, 0] > 0
+    K = K.to("cpu", torch.float32).clone()
+    for row, factor in enumerate((size[1] / width, size[0] / height)):
+        K[row] *= factor
+        K[row, 2] += (factor - 1) / 2
+    scene, photo = (
+        None if depth is None else F.interpolate(depth[None, None].float().cpu(), size, mode="nearest")[0, 0]
+        for depth in (scene_depth, photo_depth)
     )
+    found = []
+    for body, mask in zip(vertices.to("cpu", torch.float32), masks, strict=True):
+        depth = _depth_of_body(body, faces.cpu(), K, size)
+        silhouette, others = torch.isfinite(depth), masks.any(0) & ~mask
+        side = math.sqrt(float(mask.sum()))
+        seen = silhouette & ~others
+        if scene is not None:
+            seen = seen & ~(scene < depth - _IN_FRONT_M)
+        found.append(
+            {
+                "mask_covered_share": _share(mask & dilate_square(silhouette, max(1, round(_CLOTHES * side))), mask),
+                "body_in_mask_share": _share(seen & dilate_square(mask, max(1, round(_RIM * side))), seen & mask.any()),
+                "low_depth_ratio": None if photo is None else _low_depth_ratio(depth, mask, photo),
+            }
+        )
+    return found
+
+
+def _depth_of_body(body: Tensor, faces: Tensor, K: Tensor, size: tuple[int, int]) -> Tensor:
+    """Return the depth of a body (V, 3) at each pixel, (H, W) metres; inf beside it."""
+    face = rasterize(project(body, K)[None], body[None, :, 2], faces, *size)[0]
+    z = body[faces][..., 2].mean(1)
+    return torch.where(face >= 0, z[face.clamp(min=0)], torch.inf)
+
+
+def _low_depth_ratio(depth: Tensor, mask: Tensor, photo_depth: Tensor) -> float | None:
+    body = torch.isfinite(depth)
+    rows = body.any(1).nonzero()[:, 0]
+    if not len(rows):
+        return None
+    low = torch.zeros_like(body)
+    low[int(rows[-1] - _LOW_SHARE * (rows[-1] - rows[0])) :] = True
+    return _median_ratio((photo_depth / depth)[body & mask & low], _FEWEST_PIXELS)
+
+
+def _share(part: Tensor, surface: Tensor) -> float | None:
+    total = float(surface.sum())
+    return float(part.sum()) / total if total > 0 else None

@@ -331,7 +331,7 @@ def _reconstruct(
     estimates = estimates if given.complete is None else given.complete(estimates)
     with limited_threads(plan.config.run.threads):
         solution = run_engine(estimates, plan.engine, load_model(), stages)
-        checks = run_checks(estimates, solution, plan.engine)
+        checks = run_checks(estimates, solution)
     sources, others = describe_sources(plan, stages.files)
     stages.warn(*others)
     found = build_reconstruction(estimates, solution, checks, load_model(), plan.config, stages)

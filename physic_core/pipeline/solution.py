@@ -14,7 +14,6 @@ from physic_core.body.parameters import parameters_from_rotations
 from physic_core.engine.contact.partner import DECIMALS
 from physic_core.engine.scene.solve import alignment_diagnostics
 from physic_core.engine.sizes import size_sigmas
-from physic_core.pipeline.measures import moved_scene
 from physic_core.pipeline.person_measures import measure_people
 from physic_core.types import NO_PARTNER, BodyParameters, CameraTrust, Intrinsics, Plane, Scene
 from physic_core.types.short_repr import ShortRepr
@@ -97,13 +96,9 @@ def assemble_solution(
     stature, years = (unknown if x is None else x for x in (estimates.statures, estimates.ages))
     sizes = size_sigmas(stature, years, sigma if problem.views or placed.size_ratio is not None else None)
     people = tuple(
-        {**{f"placement_{k}": v for k, v in start.items()}, **more, "moved_scene_m": moved, "size_sigma": size}
-        for start, more, moved, size in zip(
-            placed.placement.diagnostics,
-            measure_people(problem, result, touch),
-            _moved_scene(problem.masks, scene, s),
-            sizes.tolist(),
-            strict=True,
+        {**{f"placement_{k}": v for k, v in start.items()}, **measures, "size_sigma": size}
+        for start, measures, size in zip(
+            placed.placement.diagnostics, measure_people(problem, result, touch), sizes.tolist(), strict=True
         )
     )
     return Solution(
@@ -183,14 +178,6 @@ def _scene(scene: SceneState, scale: float, scale_sigma: float | None, estimates
         scale=scale,
         scale_sigma=scale_sigma,
     )
-
-
-def _moved_scene(masks: Tensor, scene: SceneState, scale: float) -> list[float | None]:
-    """Return how far inpainted points were moved back behind each person of masks (B, H, W), metres."""
-    if scene.uncarved is None:
-        return [None] * len(masks)
-    points, before = scene.points * scale, scene.uncarved * scale
-    return [moved_scene(points, before, mask & scene.valid) for mask in masks]
 
 
 def _camera_source(K: Tensor, estimates: Estimates) -> tuple[str, CameraTrust, float | None]:

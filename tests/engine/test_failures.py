@@ -70,4 +70,3 @@ def test_the_other_person_ends_as_if_alone(start, alone, field, value):
     assert both.failures[1] == ""
     assert apart < 8
     assert torch.isfinite(both.vertices[1]).all()
-    assert both.reprojection_share[1].isfinite()

@@ -13,7 +13,7 @@ from physic_core import engine_preset
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.distances import lowest_height
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.solve import DEEP_M, optimize
+from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.terms import reprojection
 from physic_core.errors import PhysicError
 from physic_core.geometry.camera import project
@@ -81,7 +81,6 @@ def test_a_noisy_start_comes_close(standing):
     after = optimize(start, SETTINGS)
     assert error_mm(before, standing) > 280
     assert error_mm(after, standing) < 40
-    assert after.reprojection_share[0] < 0.005
 
 
 def seat_of(stage):
@@ -97,10 +96,7 @@ def test_a_sitter_ends_on_the_seat(make_stage, lift):
     stage = make_stage(people, boxes=[((-0.4, seat, 2.7), (0.4, 1.3, 3.3))])
     result = optimize(moved(stage.problem, by=(0.0, lift, 0.0)), SETTINGS)
     gap = seat * result.scene_scale - seat_of(replace(stage, vertices=result.vertices))
-    inside = float((result.surface_share[0] * (result.depth_inside[0] > DEEP_M)).sum())
     assert abs(gap) < 0.025
-    assert inside < 0.01
-    assert float(result.surface_share[0].sum()) == pytest.approx(1)
 
 
 def test_two_people_do_not_disturb_each_other(two):

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 import pytest
 import torch
 import trimesh
 
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.visibility import (
-    depth_order_violations,
     facing_camera,
     hidden_from_camera,
     inside_image,
@@ -105,25 +102,3 @@ def test_a_part_behind_another_is_occluded_from_thirty_percent_on():
 def test_trunk_is_never_occluded_where_only_limbs_count():
     vertices, faces, part = two_spheres([0.0, 0.0, 2.0], [0.0, 0.0, 3.0])
     assert not self_occlusion(vertices, faces, part, parts=[0]).vertices.any()
-
-
-def test_depth_order_of_two_people_is_checked_where_one_hides_the_other():
-    near, _ = sphere([0.0, 0.0, 2.0], fineness=4)
-    far, _ = sphere([0.3, 0.0, 3.0], fineness=4)
-    focal, size = 200.0, 200
-
-    def pixels(v):
-        return v[:, :2] / v[:, 2:] * focal + (size - 1) / 2
-
-    grid = torch.stack(torch.meshgrid(torch.arange(size), torch.arange(size), indexing="xy"), -1).double()
-    near_mask = (grid - 99.5).norm(dim=-1) < 0.3 / math.sqrt(2**2 - 0.3**2) * focal + 1
-    far_mask = ((grid - torch.tensor([99.5 + 0.1 * focal, 99.5])).norm(dim=-1) < 0.1 * focal) & ~near_mask
-    masks = torch.stack([near_mask, far_mask])
-    right = torch.stack([near, far])
-    uv = torch.stack([pixels(near), pixels(far)])
-    assert depth_order_violations(right, uv, masks).max() == 0
-    wrong = torch.stack([near * 2, far])  # the same pixels, but now twice as far
-    shares = depth_order_violations(wrong, uv, masks)
-    hidden = inside_mask(uv[1], masks[0]).double().mean()
-    assert 0.5 * hidden < shares[0, 1] <= hidden
-    assert shares[1, 0] == 0

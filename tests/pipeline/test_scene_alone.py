@@ -36,7 +36,7 @@ def test_the_scene_is_metric_if_the_metric_depth_needs_no_people(world: World, t
     assert np.array_equal(result.scene.colors, result.image)
     assert "no person was found: the result is only the scene" in result.notes
     measured = {check.name: check.value for check in result.checks}
-    assert measured["photo_alignment"] is measured["scale_change"] is measured["depth_vs_bodies"] is None
+    assert measured["photo_alignment"] is measured["depth_vs_bodies"] is None
     # No inpainting and no second point map: nothing is removed from the photo.
     backend_stages = [stage.name for stage in result.stages if stage.provenance is not None]
     assert backend_stages == ["people", "scene point map", "metric depth"]

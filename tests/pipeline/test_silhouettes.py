@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from physic_core.pipeline.silhouettes import PhotoEvidence, compare_silhouettes
+from physic_core.pipeline.person_measures import compare_silhouettes
 
 HEIGHT, WIDTH = 300, 400
 K = torch.tensor([[200.0, 0.0, 199.5], [0.0, 200.0, 149.5], [0.0, 0.0, 1.0]])
@@ -31,7 +31,7 @@ def compare(
     photo: torch.Tensor | None = None,
 ) -> list[dict[str, float | None]]:
     vertices = torch.stack(bodies or (plate(),) * len(masks))
-    return compare_silhouettes(vertices, FACES, PhotoEvidence(torch.stack(masks), scene, photo, K))
+    return compare_silhouettes(vertices, FACES, torch.stack(masks), K, scene, photo)
 
 
 def depth(metres: float) -> torch.Tensor:

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from physic_core.pipeline.checks.result import grade_photo
+from physic_core.pipeline.checks import grade_photo
 from physic_core.types import CheckResult, CheckState, Grade
 from physic_core.types.main_people import main_people
 

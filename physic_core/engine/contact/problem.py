@@ -82,7 +82,6 @@ class ContactResult:
         contact: (N, V) bool.
         probability: (N, V) of contact with anything; None if the method estimates none.
         distance: (N, V) signed distance to scene and floor, metres; inf beyond the search radius.
-        give: (N, V) largest depth of a dent of the nearest surface, metres; 0 where it does not yield.
         partner: (N, V) int16, index into ``partners``; -1 without contact.
         partners: everything that people touch.
         contacts: per person, contacts by body part, most probable first.
@@ -94,7 +93,6 @@ class ContactResult:
     contact: Tensor
     probability: Tensor | None
     distance: Tensor
-    give: Tensor
     partner: Tensor
     partners: tuple[ContactPartner, ...]
     contacts: tuple[tuple[BodyContact, ...], ...]

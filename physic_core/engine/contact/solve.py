@@ -95,8 +95,7 @@ def _describe_contacts(
     """Name partners and supports, and list the contacts of each body part."""
     regions = contact_regions(given.model)
     partners, index = assign_partners(touch.kind, near, regions, given.up)
-    give = largest_dents(near.surface, near.parts)
-    dents = dent_depths(near.surface.scene, give)
+    dents = dent_depths(near.surface.scene, largest_dents(near.surface, near.parts))
     dents = torch.where(touch.kind == KINDS.index("scene"), dents, torch.nan)
     unseen = unseen_parts(given) if touch.parts else {}
     contacts, supports = [], []
@@ -115,7 +114,6 @@ def _describe_contacts(
         contact=touch.kind >= 0,
         probability=touch.probability,
         distance=near.surface.nearest,
-        give=give,
         partner=index,
         partners=partners,
         contacts=tuple(contacts),

@@ -39,12 +39,10 @@ class WeightedKeypoints:
     Attributes:
         points: (B, J, 2) px, finite.
         weight: (B, J), 0 for keypoints that are skipped.
-        confident: (B, J) bool, confident keypoints on visible limbs.
     """
 
     points: Tensor
     weight: Tensor
-    confident: Tensor
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,10 @@ from physic_core.engine.joint.method import JointMethod
 from physic_core.engine.joint.people_pairs import connected_groups
 from physic_core.engine.joint.precompute import precompute
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.state import Estimate
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
 from physic_core.engine.joint.terms.views import ViewsTerm
 from physic_core.engine.joint.visibility import OcclusionTracker, Visibility
 from physic_core.errors import PhysicError
-from physic_core.geometry.camera import project
 
 _MARGIN_M = 0.1  # of MAX_MOTION_M that is left when the search structure is built again
 
@@ -111,13 +109,6 @@ class JointEnergy:
         self.snapshot = Snapshot(self.visibility, self.contacts, vertices, scale)
         for term in self.terms:
             term.refresh(self.snapshot)
-
-    def reprojection_shares(self, estimate: Estimate) -> Tensor:
-        """Return the mean 2D error of confident keypoints (B,), as a share of the stature in px; NaN without any."""
-        problem, context = self.problem, self.context
-        posed = context.pose(estimate.rotations, estimate.betas, estimate.transl, problem.expression0)
-        error: Tensor = (project(posed[problem.skeleton], problem.K) - context.keypoints.points).norm(dim=-1)
-        return torch.where(context.keypoints.confident, error, torch.nan).nanmean(1) / context.person_px
 
     def __call__(self) -> dict[str, Tensor]:
         """Return the weighted energies at the current state: term -> (B,), and "scale" -> (1,). Differentiable."""

@@ -57,7 +57,7 @@ def _carved(
     renewed = changed[rows, columns] & (fresh.square().sum(-1) > 0)
     surface = scene.normals.clone()
     surface[rows, columns] = torch.where(renewed[..., None], fresh, surface[rows, columns])
-    return replace(scene, points=points, normals=surface, uncarved=scene.points)
+    return replace(scene, points=points, normals=surface)
 
 
 def _span(hit: Tensor) -> slice:

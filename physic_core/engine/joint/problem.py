@@ -211,10 +211,6 @@ class JointResult(ShortRepr):
         vertices: (B, V, 3) metres.
         joints: (B, 55, 3) metres.
         depth_offset: (B,) log of the ratio of the depth map to the person's depth; NaN if the start was not optimised.
-        reprojection_share: (B,) mean 2D error of confident keypoints, as a share of the stature in px; NaN without any.
-        depth_inside: (B, V) depth of visible vertices inside the scene or below the floor, without dents, metres;
-            otherwise 0.
-        surface_share: (B, V) share of the visible surface of each vertex; 0 for vertices that were not tracked.
         losses: term -> its weighted value at the start and at the end, both under the visibility at the end.
         failures: per person, the reason why the start was not optimised; "" if it was.
         evaluations: number of evaluations of energy and gradient.
@@ -228,9 +224,6 @@ class JointResult(ShortRepr):
     vertices: Tensor
     joints: Tensor
     depth_offset: Tensor
-    reprojection_share: Tensor
-    depth_inside: Tensor
-    surface_share: Tensor
     losses: Mapping[str, tuple[float, float]]
     failures: tuple[str, ...]
     evaluations: int

@@ -1,4 +1,4 @@
-"""Stage 3: joint optimisation of people and scene (paper sec. 3.3, Eq. 5), with diagnostics per person."""
+"""Stage 3: joint optimisation of people and scene (paper sec. 3.3, Eq. 5)."""
 
 from __future__ import annotations
 
@@ -9,15 +9,10 @@ import torch
 from torch import Tensor
 
 from physic_core.body.model import BodyOutput
-from physic_core.engine.joint.contact_state import update_contacts
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.method import JointMethod
 from physic_core.engine.joint.optimiser import MinimisationResult, join_results
 from physic_core.engine.joint.problem import JointProblem, JointResult, people_with_valid_start
-from physic_core.geometry.plane import height_over_plane
-
-DEEP_M = 0.03
-"""Depth inside the scene, metres; deeper vertices are a visible error."""
 
 _INVALID_START = "the start has non-finite parameters or is behind the camera"
 _INVALID_ENERGY = "the energy of the start is not finite"
@@ -92,9 +87,6 @@ def _start_result(problem: JointProblem, failures: tuple[str, ...], output: Body
         vertices=output.vertices,
         joints=output.joints,
         depth_offset=torch.full_like(problem.transl0[:, 0], torch.nan),
-        reprojection_share=torch.full_like(problem.transl0[:, 0], torch.nan),
-        depth_inside=torch.zeros_like(output.vertices[..., 0]),
-        surface_share=torch.zeros_like(output.vertices[..., 0]),
         losses={},
         failures=failures,
         evaluations=0,
@@ -118,32 +110,14 @@ def _merged_result(
     )
     output = problem.model(rotations, betas, transl, problem.expression0)
     start = _start_result(problem, failures, output)
-    ids, scale = energy.context.ids, float(estimate.log_scale.exp())
-    everywhere = torch.zeros_like(output.vertices[rows][..., 0])
-    inside, share = _visible_penetration(energy, output.vertices[rows][:, ids], scale)
     return replace(
         start,
         rotations=rotations,
         betas=betas,
         transl=transl,
-        scene_scale=scale,
+        scene_scale=float(estimate.log_scale.exp()),
         depth_offset=start.depth_offset.index_copy(0, rows, estimate.offset),
-        reprojection_share=start.reprojection_share.index_copy(0, rows, energy.reprojection_shares(estimate)),
-        depth_inside=start.depth_inside.index_copy(0, rows, everywhere.index_copy(1, ids, inside)),
-        surface_share=start.surface_share.index_copy(0, rows, everywhere.index_copy(1, ids, share)),
         losses={name: (minimised.start[name], minimised.end[name]) for name in minimised.end},
         evaluations=minimised.evaluations,
         steps=minimised.steps,
     )
-
-
-def _visible_penetration(energy: JointEnergy, tracked: Tensor, scale: float) -> tuple[Tensor, Tensor]:
-    """Return the depth inside scene or floor of tracked vertices (B, n, 3), and their share of the visible surface."""
-    context, visibility, floor = energy.context, energy.visibility, energy.problem.floor_normal
-    distance = update_contacts(context, visibility.normals, energy.scene, tracked, scale).signed
-    depth = torch.where(energy.weights["penetration"] > 0, torch.relu(-distance), 0.0)
-    if floor is not None:
-        height = height_over_plane(tracked, floor, tracked.new_tensor(context.problem.floor_offset * scale))
-        depth = torch.where(visibility.eligible, torch.maximum(depth, torch.relu(-height)), depth)
-    seen = context.area * visibility.eligible
-    return depth, seen / seen.sum(1, keepdim=True).clamp(min=torch.finfo(seen.dtype).tiny)

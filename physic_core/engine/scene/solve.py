@@ -68,7 +68,6 @@ class SceneState(ShortRepr):
         K: (3, 3) px, float64.
         alignment: of the relative point map to the metric depth.
         floor: fitted floor plane, or None.
-        uncarved: points (H, W, 3) before inpainted ones were moved out of people; None if none were.
         diagnostics: of the stage, by topic.
     """
 
@@ -81,7 +80,6 @@ class SceneState(ShortRepr):
     K: Tensor
     alignment: Alignment
     floor: PlaneFit | None = None
-    uncarved: Tensor | None = None
     diagnostics: Mapping[str, Any] = field(default_factory=dict)
 
     @property

@@ -1,27 +1,25 @@
 """Self-checks of a reconstruction: measured value, threshold, state, and advice for a failed check.
 
 If nothing was measured, the value is None, the state "unknown", and the message says why. Names, units and directions
-are stable; the thresholds of ``floor``, ``scene_alignment`` and ``photo_alignment`` follow the engine's settings.
+are stable. Each check is one function in ``photo`` or ``people``, with its spec above it.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from physic_core.pipeline.checks.person import check_person
-from physic_core.pipeline.checks.photo import check_photo
-from physic_core.pipeline.checks.result import (
-    compare_with_threshold,
+from physic_core.pipeline.checks import people, photo  # noqa: F401  # they fill CHECKS
+from physic_core.pipeline.checks.spec import (
+    CHECKS,
+    CheckSpec,
     failed_checks,
     grade_person,
     grade_photo,
     unknown_checks,
     warning_messages,
 )
-from physic_core.pipeline.checks.specs import CHECKS, CheckSpec
 
 if TYPE_CHECKING:
-    from physic_core.engine.settings import EngineSettings
     from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.solution import Solution
     from physic_core.types import CheckResult
@@ -38,9 +36,11 @@ __all__ = [
 ]
 
 
-def run_checks(estimates: Estimates, solution: Solution, settings: EngineSettings) -> tuple[CheckResult, ...]:
+def run_checks(estimates: Estimates, solution: Solution) -> tuple[CheckResult, ...]:
     """Run all self-checks, first of the photo, then of each person, in the order of ``CHECKS``."""
-    found = [compare_with_threshold(one) for one in check_photo(estimates, solution, settings)]
+    found = [spec.compare(spec.measure(estimates, solution)) for spec in CHECKS.values() if spec.of == "photo"]
     for person in range(len(solution.people)):
-        found += [compare_with_threshold(one, person) for one in check_person(estimates, solution, person)]
+        of_person = (spec for spec in CHECKS.values() if spec.of == "person")
+        results = [(spec, spec.compare(spec.measure(estimates, solution, person), person)) for spec in of_person]
+        found += [result for spec, result in results if result.value is not None or not spec.optional]
     return tuple(found)

@@ -8,14 +8,12 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.pipeline.checks.keypoints import limb_keypoint_error
-from physic_core.pipeline.checks.result import Measurement, compare_with_threshold
-from physic_core.pipeline.checks.specs import CheckSpec
+from physic_core.pipeline.checks.people import limb_keypoint_error
+from physic_core.pipeline.checks.spec import CheckSpec
 from physic_core.types import Grade
 from physic_scene.matching import answer_cost
 
@@ -25,21 +23,20 @@ if TYPE_CHECKING:
     from physic_scene.rigid import CameraPose
     from physic_scene.types import SolvedPhoto
 
-_contradiction = partial(CheckSpec, of="photo", failure="contradiction")
 _CHECKS = {
     check.name: check
     for check in (
         # Worlds 0.015-0.033, photos 0.035-0.044; 0.15 in a photo whose camera is 0.3 m off and whose people do not fit.
         CheckSpec(
-            "view_keypoints", "Limbs off their keypoints", "at most", 0.06, "share", "the box diagonal", of="photo"
+            "view_keypoints", "Limbs off their keypoints", "at most", 0.06, share_of="the box diagonal", weak=True
         ),
         # Of 30 pairs of photos of a rig, 20 have two or three people, and 29 of 30 wrong pairs of two rigs one.
-        _contradiction("view_people", "People whom other photos show, too", "at least", 2, "count"),
+        CheckSpec("view_people", "People whom other photos show, too", "at least", 2, "count"),
         # Half of the energy of a person in the solution of two photos, with the clothes: rigs 11-29, wrong pairs 17-47.
-        _contradiction("view_agreement", "People unlike those of other photos", "at most", 28, "energy"),
-        _contradiction("view_missing_person", "Person of other photos missing", "at most", 0, "count"),
+        CheckSpec("view_agreement", "People unlike those of other photos", "at most", 28, "energy"),
+        CheckSpec("view_missing_person", "Person of other photos missing", "at most", 0, "count"),
         # Rigs 0.05-0.56; 0.6-0.9 where a floor is wrong, 2.6 in a wrong pair.
-        _contradiction("view_height", "Camera height over other floors, off", "at most", 0.6, "log"),
+        CheckSpec("view_height", "Camera height over other floors, off", "at most", 0.6, "log"),
     )
 }
 _INSIDE = 0.9  # least share of a person's keypoints in the frame of a photo that ought to show the person
@@ -74,7 +71,7 @@ def with_checks(result: Reconstruction, checks: Sequence[CheckResult]) -> Recons
     A check that fails in several photos counts once. One contradiction makes the grade doubtful, two make it bad.
     """
     failed = {check.name for check in checks if check.failed}
-    contradictions = sum(_CHECKS[name].failure == "contradiction" for name in failed)
+    contradictions = sum(not _CHECKS[name].weak for name in failed)
     grades = {result.grade, Grade.BAD if contradictions > 1 else Grade.DOUBTFUL if failed else Grade.GOOD}
     return replace(
         result,
@@ -130,8 +127,7 @@ def checks_of_cameras(views: Sequence[SolvedView], rows: IntArray) -> Iterator[C
 def _check(photo: str, name: str, value: float | None, advice: str, unmeasured: str = "") -> CheckResult:
     """Return a value beside its bound, with the name of its photo."""
     spec = replace(_CHECKS[name], label=f"{_CHECKS[name].label} in {photo}")
-    found = Measurement(name, value, advice, unmeasured or "there is nothing to measure")
-    return compare_with_threshold(found, spec=spec)
+    return spec.compare((value, unmeasured if value is None else advice))
 
 
 def _costs(views: Sequence[SolvedView], rows: IntArray) -> Mapping[tuple[int, int], float]:

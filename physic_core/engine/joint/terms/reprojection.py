@@ -83,7 +83,7 @@ def weighted_keypoints(problem: JointProblem) -> WeightedKeypoints:
     weight = torch.where(confidence < _MIN_CONFIDENCE, 0.0, confidence)
     weight = torch.where(seen, weight, _INVISIBLE_WEIGHT * confidence)
     weight = weights_inside_image(problem, points, weight)
-    return WeightedKeypoints(points, weight, seen & (weight >= _MIN_CONFIDENCE))
+    return WeightedKeypoints(points, weight)
 
 
 def weights_inside_image(problem: JointProblem, points: Tensor, weight: Tensor) -> Tensor:

@@ -76,7 +76,7 @@ def released_keypoints(problem: JointProblem) -> WeightedKeypoints:
     """Return the detected keypoints, with the weights of :func:`released_keypoint_weights`."""
     points, confidence = finite_keypoints(problem)
     weight = released_keypoint_weights(problem.skeleton, points, confidence, problem.masks)
-    return WeightedKeypoints(points, weight, weight > 0)
+    return WeightedKeypoints(points, weight)
 
 
 class ReleasedReprojectionTerm(Term):

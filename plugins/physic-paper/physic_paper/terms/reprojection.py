@@ -16,8 +16,7 @@ def confident_keypoints(problem: JointProblem, min_confidence: float = 0.0, powe
     """Return the keypoints, weighted by a power of their confidence; 0 below ``min_confidence``."""
     points, confidence = finite_keypoints(problem)
     weight = torch.where(confidence < min_confidence, 0.0, confidence) ** power
-    weight = weights_inside_image(problem, points, weight)
-    return WeightedKeypoints(points, weight, weight >= min_confidence)
+    return WeightedKeypoints(points, weights_inside_image(problem, points, weight))
 
 
 def offset_loss(squared: Tensor, rho: RobustLoss, *, per_axis: bool) -> Tensor:

@@ -1,0 +1,154 @@
+"""What a self-check is, how its value becomes a result, and how results become grades and warnings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal, TypeVar
+
+from physic_core.types import CheckResult, CheckState, Grade
+
+YES = "1: yes"
+"""Unit of a check that holds or not."""
+
+Measured = float | tuple[float | None, str] | None
+"""Value of a check, None if nothing was measured; with a text in place of the check's advice, or of its reason."""
+
+_Check = TypeVar("_Check", bound=Callable[..., Measured])
+_WORST_FIRST = (Grade.BAD, Grade.DOUBTFUL, Grade.GOOD)
+
+
+@dataclass(frozen=True)
+class CheckSpec:
+    """One self-check.
+
+    Attributes:
+        name: as in :class:`physic_core.types.CheckResult`.
+        label: the displayed name.
+        direction: whether the value must be "at most" or "at least" the threshold.
+        threshold: the bound.
+        unit: of threshold and value.
+        share_of: what a value of unit "share" is a share of; "" if the label says it.
+        advice: the message if the check fails.
+        unmeasured: the reason if there is no value.
+        of: "photo" or "person".
+        weak: whether a failure is a lack of evidence, not a contradiction.
+        needed: whether the grade is doubtful if nothing was measured.
+        warns: whether a failed check is also a warning of the result.
+        optional: whether the check is left out of a result for which nothing was measured.
+        measure: of estimates and solution, for a check of a person also of the person's index.
+    """
+
+    name: str
+    label: str
+    direction: Literal["at most", "at least"]
+    threshold: float
+    unit: str = "share"
+    share_of: str = ""
+    advice: str = ""
+    unmeasured: str = "there is nothing to measure"
+    of: Literal["photo", "person"] = "photo"
+    weak: bool = False
+    needed: bool = False
+    warns: bool = False
+    optional: bool = False
+    measure: Callable[..., Measured] = lambda *_: None
+
+    def compare(self, measured: Measured, person: int | None = None) -> CheckResult:
+        """Compare a value with the threshold; NaN counts as not measured."""
+        value, text = measured if isinstance(measured, tuple) else (measured, "")
+        if value is None or math.isnan(value):
+            state, message, value = CheckState.UNKNOWN, f"not measured: {text or self.unmeasured}", None
+        else:
+            failed = value < self.threshold if self.direction == "at least" else value > self.threshold
+            state, message, value = CheckState.FAILED if failed else CheckState.OK, text or self.advice, float(value)
+        result = CheckResult(
+            self.name,
+            state,
+            value,
+            float(self.threshold),
+            self.direction,
+            self.unit,
+            message,
+            person,
+            label=self.label,
+            share_of=self.share_of,
+        )
+        return replace(result, message=str(result)) if result.ok else result
+
+
+CHECKS: dict[str, CheckSpec] = {}
+"""Self-checks by name, in the order of the results."""
+
+
+def check(
+    of: Literal["photo", "person"],
+    label: str,
+    *,
+    at_most: float | None = None,
+    at_least: float | None = None,
+    **spec: Any,
+) -> Callable[[_Check], _Check]:
+    """Register a function as the self-check of its name.
+
+    Args:
+        of: whether the function takes estimates and solution, or also the index of a person.
+        label: the displayed name.
+        at_most: the largest value that is ok.
+        at_least: the smallest value that is ok, if there is no largest.
+        spec: other fields of :class:`CheckSpec`.
+    """
+
+    def register(measure: _Check) -> _Check:
+        direction, threshold = ("at most", at_most) if at_least is None else ("at least", at_least)
+        name = measure.__name__
+        CHECKS[name] = CheckSpec(name, label, direction, threshold, of=of, measure=measure, **spec)
+        return measure
+
+    return register
+
+
+def failed_checks(checks: Sequence[CheckResult], person: int) -> tuple[str, ...]:
+    """Return the names of the failed self-checks of one person."""
+    return tuple(check.name for check in checks if check.person == person and check.failed)
+
+
+def unknown_checks(checks: Sequence[CheckResult], person: int) -> tuple[str, ...]:
+    """Return the names of the self-checks of one person for which nothing was measured."""
+    return tuple(check.name for check in checks if check.person == person and check.state is CheckState.UNKNOWN)
+
+
+def warning_messages(checks: Sequence[CheckResult]) -> tuple[str, ...]:
+    """Return the messages of the failed self-checks that have ``warns`` set."""
+    return tuple(
+        check.message if check.person is None else f"person {check.person}: {check.message}"
+        for check in checks
+        if check.failed and CHECKS[check.name].warns
+    )
+
+
+def grade_person(checks: Sequence[CheckResult], person: int) -> Grade:
+    """Grade one person by the checks of this person.
+
+    Bad if two checks contradict the body; doubtful if a check fails, or if one that the grade needs was not measured;
+    good otherwise.
+    """
+    return _grade([check for check in checks if check.person == person])
+
+
+def grade_photo(checks: Sequence[CheckResult], people: Sequence[Grade]) -> Grade:
+    """Grade a photo: the worst of the grades of its main people and of its own checks.
+
+    Without people it is at best doubtful: nothing confirms the scale.
+    """
+    grades = {*(people or [Grade.DOUBTFUL]), _grade([check for check in checks if check.person is None])}
+    return next(grade for grade in _WORST_FIRST if grade in grades)
+
+
+def _grade(checks: Sequence[CheckResult]) -> Grade:
+    failed = [CHECKS[check.name] for check in checks if check.failed]
+    if sum(not spec.weak for spec in failed) > 1:
+        return Grade.BAD
+    unknown = any(CHECKS[check.name].needed for check in checks if check.state is CheckState.UNKNOWN)
+    return Grade.DOUBTFUL if failed or unknown else Grade.GOOD
