@@ -23,15 +23,14 @@ from physic_core.errors import (
 )
 
 if TYPE_CHECKING:
-    from physic_core.configuration.energies import engine_preset, engine_preset_names
-    from physic_core.configuration.model import Config, load_config
+    from physic_core.configuration.model import Config, engine_preset, engine_preset_names, load_config
     from physic_core.discovery.backends import find_backend, list_backends
     from physic_core.discovery.exporters import find_exporter, find_exporters
     from physic_core.discovery.hooks import ExporterRecord, PluginItem, hookimpl
-    from physic_core.io.extra_files import save_report
+    from physic_core.io.result_folder import save_report
     from physic_core.io.results import load_people, load_reconstruction, save_reconstruction
-    from physic_core.pipeline.loaded_backends import load_backend
     from physic_core.pipeline.run import Pipeline, reconstruct
+    from physic_core.pipeline.stage_runner import load_backend
     from physic_core.types import (
         Intrinsics,
         KnownLength,
@@ -41,7 +40,7 @@ if TYPE_CHECKING:
         Reconstruction,
         Scene,
     )
-    from physic_core.types.exports import ExportedFiles
+    from physic_core.types.records import ExportedFiles
     from physic_core.visual.export.request import ExportRequest
     from physic_core.visual.export.write import export_reconstruction
     from physic_core.visual.preview import preview_png
@@ -92,17 +91,16 @@ __all__ = [
 ]
 
 _NAMES = {
-    "physic_core.configuration.energies": "engine_preset engine_preset_names",
-    "physic_core.configuration.model": "Config load_config",
+    "physic_core.configuration.model": "Config engine_preset engine_preset_names load_config",
     "physic_core.discovery.backends": "find_backend list_backends",
     "physic_core.discovery.exporters": "find_exporter find_exporters",
     "physic_core.discovery.hooks": "ExporterRecord PluginItem hookimpl",
-    "physic_core.io.extra_files": "save_report",
+    "physic_core.io.result_folder": "save_report",
     "physic_core.io.results": "load_people load_reconstruction save_reconstruction",
-    "physic_core.pipeline.loaded_backends": "load_backend",
+    "physic_core.pipeline.stage_runner": "load_backend",
     "physic_core.pipeline.run": "Pipeline reconstruct",
     "physic_core.types": "Intrinsics KnownLength KnownSizes PeoplePrompt Person Reconstruction Scene",
-    "physic_core.types.exports": "ExportedFiles",
+    "physic_core.types.records": "ExportedFiles",
     "physic_core.visual.export.request": "ExportRequest",
     "physic_core.visual.export.write": "export_reconstruction",
     "physic_core.visual.preview": "preview_png",

@@ -42,7 +42,7 @@ sys.path.insert(0, str(ROOT))
 from physic_core.body.assembly import BodyArrays, derive_vertex_sets  # noqa: E402
 from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES, NUM_JOINTS  # noqa: E402
 from physic_core.types.skeletons import SIDES  # noqa: E402
-from physic_core.visual.textures.coordinates import split_at_seams  # noqa: E402
+from physic_core.visual.textures.raster import split_at_seams  # noqa: E402
 
 ASSET = ROOT / "physic_core" / "body" / "embedded.npz"
 NUM_SHAPES = 1500

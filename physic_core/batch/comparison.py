@@ -17,8 +17,7 @@ import numpy as np
 from physic_core.batch.contact_sheet import find_results
 from physic_core.errors import InputError
 from physic_core.files.atomic import MARK
-from physic_core.io.extra_files import is_result
-from physic_core.io.result_folder import photo_identity_of_result
+from physic_core.io.result_folder import is_result, photo_identity_of_result
 from physic_core.metrics import BODY_JOINTS, match_by_masks, mpjpe_mm, scene_error
 from physic_core.types.person_rows import pelvis_distance_m
 

@@ -19,8 +19,7 @@ from physic_core.batch.photos import photo_folder
 from physic_core.errors import InputError, PhysicError
 from physic_core.files.atomic import MARK, atomic_write, check_own, check_writable, write_own
 from physic_core.io.result_folder import ARRAYS_FILE, DOCUMENT_FILE, PREVIEW_FILE, REPORT_FILE
-from physic_core.io.result_record import read_record
-from physic_core.io.results import read_image
+from physic_core.io.results import read_image, read_record
 
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction

@@ -22,10 +22,8 @@ from filelock import FileLock, Timeout
 
 from physic_core.errors import OutputError, PackageMissingError
 from physic_core.files.atomic import MARK, atomic_write, check_own, foreign_file, open_to_append
-from physic_core.files.strict_json import from_json, parse_json, to_json
-from physic_core.files.text import as_utf8, write_csv
-from physic_core.io.extra_files import PEOPLE_MARK
-from physic_core.io.result_folder import PEOPLE_TABLE
+from physic_core.files.text import as_utf8, from_json, parse_json, to_json, write_csv
+from physic_core.io.result_folder import PEOPLE_MARK, PEOPLE_TABLE
 from physic_core.types.person_rows import PERSON_COLUMNS
 
 COLUMNS: Mapping[str, str] = {

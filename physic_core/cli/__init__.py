@@ -83,10 +83,10 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 
 _COMMANDS = {
     "batch": ("physic_core.cli.batch:batch", "Reconstruct many photos in several processes; can resume."),
-    "cache": ("physic_core.cli.cache:cache", "Show or clear the cache."),
+    "cache": ("physic_core.cli.weights:cache", "Show or clear the cache."),
     "compare": ("physic_core.cli.results:compare", "Compare two results, or two folders of results, person by person."),
     "config": ("physic_core.cli.config:config", "Check, show or create a configuration."),
-    "export": ("physic_core.cli.export:export", "Export a result to Blender, Unity, MuJoCo, USD, MeshLab, ..."),
+    "export": ("physic_core.cli.results:export", "Export a result to Blender, Unity, MuJoCo, USD, MeshLab, ..."),
     "plugins": ("physic_core.cli.plugins:plugins", "List installed backends; show or test them; create a plugin."),
     "report": ("physic_core.cli.results:report", "Write a result as a page for a browser."),
     "run": ("physic_core.cli.run:run", "Reconstruct people, scene and contact from PHOTO."),

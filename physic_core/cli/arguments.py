@@ -81,7 +81,7 @@ def require_interface(name: str | None) -> None:
     Raises:
         UsageError: the message lists the interfaces and suggests a similar one.
     """
-    from physic_core.discovery.close_names import did_you_mean
+    from physic_core.discovery.error_text import did_you_mean
     from physic_core.interfaces import INTERFACES
 
     if name is not None and name not in INTERFACES:

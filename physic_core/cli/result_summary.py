@@ -16,10 +16,10 @@ import click
 from physic_core.cli.output import echo, echo_json, format_table
 from physic_core.files.plain import split
 from physic_core.io.result_folder import DOCUMENT_FILE, REPORT_FILE
-from physic_core.io.result_record import PersonRecord, ResultRecord, read_record
+from physic_core.io.results import PersonRecord, ResultRecord, read_record
 from physic_core.types import CheckResult, summarize_checks
 from physic_core.types.contacts import part_words
-from physic_core.types.metres_text import metres_text
+from physic_core.types.person_rows import metres_text
 
 _HEAD = ("person", "grade", "distance", "likely contact", "why")
 _MIN_WIDTH = 30  # characters of the last column, on a narrow terminal

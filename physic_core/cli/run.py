@@ -158,14 +158,13 @@ def run(
 
         with collect_plugin_messages() as messages, show_progress(quiet) as progress:
             result = reconstruct(photo, plan, progress=progress)
-        from physic_core.io.extra_files import people_csv
-        from physic_core.io.result_folder import PEOPLE_TABLE
+        from physic_core.io.result_folder import PEOPLE_TABLE, people_csv
         from physic_core.io.results import save_reconstruction
 
         beside = {PEOPLE_TABLE: people_csv(result, photo.name)}
         save_reconstruction(result, folder, save, overwrite=overwrite, beside=beside)
         if report:
-            from physic_core.io.extra_files import add_report
+            from physic_core.io.result_folder import add_report
 
             add_report(folder, result, photo.name)
     if quiet:

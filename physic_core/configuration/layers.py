@@ -15,11 +15,10 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
-from physic_core.discovery.close_names import did_you_mean
+from physic_core.discovery.error_text import did_you_mean
 from physic_core.discovery.local_modules import with_folder
 from physic_core.errors import ConfigError
-from physic_core.files.strict_json import from_json, parse_json
-from physic_core.files.text import quoted
+from physic_core.files.text import from_json, parse_json, quoted
 from physic_core.interfaces import INTERFACES
 
 SettingsLayer = tuple[str, Mapping[str, Any]]

@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import cache
-from typing import Annotated, Any, Literal, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_origin, get_type_hints
 
 from pydantic import (
     AfterValidator,
@@ -25,7 +25,6 @@ from pydantic import (
     model_validator,
 )
 
-from physic_core.configuration.energies import DEFAULT_ENERGY, check_engine_preset, engine_preset
 from physic_core.configuration.layers import (
     SettingsLayer,
     environment_layers,
@@ -37,15 +36,29 @@ from physic_core.configuration.layers import (
     source_of,
 )
 from physic_core.configuration.problems import Problem, config_error, problems_from_pydantic
+from physic_core.discovery.catalog import ENGINE_PRESETS
+from physic_core.discovery.hooks import PluginItem
+from physic_core.discovery.plugins import Found, find_item, find_items, import_item
 from physic_core.engine.settings import EngineSettings, with_overrides
-from physic_core.errors import ConfigError
+from physic_core.errors import ConfigError, PluginError
 from physic_core.files.text import quoted
 from physic_core.interfaces import INTERFACES
 from physic_core.types import KnownLength, KnownSizes
 
+if TYPE_CHECKING:
+    from physic_core.engine.settings import EngineSettings
+
 DEFAULT_PRESET = "embedded"
 OPTIONAL_INTERFACES = ("hand_estimator", "contact_prior")
 """Interfaces that a configuration may omit with ``backend = "none"``."""
+
+_FROM_FILE = "file"
+"""Name of backends that read a result of an interface from a user's file, their option ``path``."""
+_METRES_PER_MILLIMETRE = 0.001  # depth cameras write PNGs in millimetres
+_MAX_PROMPTS = 1000  # people or lengths; a photo that can be reconstructed has tens
+_HOOK = "physic_engine_presets"
+DEFAULT_ENERGY = "default"
+"""Name of the core's preset."""
 
 
 class _Table(BaseModel):
@@ -75,10 +88,6 @@ class BackendChoice(_Table):
     options: dict[str, Any] = Field(default_factory=dict, description="the backend's own options")
 
 
-_FROM_FILE = "file"
-"""Name of backends that read a result of an interface from a user's file, their option ``path``."""
-_METRES_PER_MILLIMETRE = 0.001  # depth cameras write PNGs in millimetres
-_MAX_PROMPTS = 1000  # people or lengths; a photo that can be reconstructed has tens
 _Pixel = Annotated[float, Field(ge=-1e6, le=1e6)]  # beyond, float32 cannot tell neighbouring pixels
 _Focal = Annotated[float, Field(ge=1, le=1e6)]  # px; a field of view of 180 or 0 degrees
 _Length = Annotated[float, Field(ge=0.01, le=1000)]  # metres
@@ -411,3 +420,43 @@ def _accept_list(hint: Any) -> Any:
     """Make a tuple annotation accept a list, as TOML has no tuples."""
     kind = hint.__origin__ if get_origin(hint) is Annotated else hint
     return Annotated[hint, Strict(False)] if get_origin(kind) is tuple else hint
+
+
+def engine_preset_names() -> tuple[str, ...]:
+    """Return the names of the core's preset and of those of installed plugins, sorted."""
+    return tuple(sorted({DEFAULT_ENERGY, *(preset.record.name for preset in find_items(_HOOK))}))
+
+
+def check_engine_preset(name: str) -> None:
+    """Check that there is one preset of this name, without importing it.
+
+    Raises:
+        ConfigError: no preset has this name, or several plugins offer it; the message names the distribution if it
+            is known.
+    """
+    if name != DEFAULT_ENERGY:
+        _find(name)
+
+
+def engine_preset(name: str = DEFAULT_ENERGY) -> EngineSettings:
+    """Return the settings of the engine of a preset, such as "default".
+
+    Raises:
+        ConfigError: no preset has this name, or several plugins offer it.
+        PluginError: the plugin cannot be imported, or names no settings.
+    """
+    # The terms of stage 3 import torch, which a configuration without engine settings does not need.
+    from physic_core.engine.presets import DEFAULT
+    from physic_core.engine.settings import EngineSettings
+
+    if name == DEFAULT_ENERGY:
+        return DEFAULT
+    found = _find(name)
+    settings = import_item(found, "engine preset")
+    if not isinstance(settings, EngineSettings):
+        raise PluginError(f"{found.title('engine preset')} should be an EngineSettings, got {type(settings).__name__}")
+    return settings
+
+
+def _find(name: str) -> Found[PluginItem]:
+    return find_item(_HOOK, name, "engine preset", own=DEFAULT_ENERGY, known=ENGINE_PRESETS)

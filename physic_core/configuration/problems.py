@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, NamedTuple
 
-from physic_core.discovery.close_names import did_you_mean
+from physic_core.discovery.error_text import did_you_mean
 from physic_core.errors import ConfigError
 from physic_core.files.text import quoted
 

@@ -16,8 +16,8 @@ from physic_core.adapters.devices import check_device, has_gpu
 from physic_core.configuration.model import BackendChoice, load_config
 from physic_core.configuration.problems import Problem, config_error, problems_from_pydantic
 from physic_core.discovery.backends import class_problem, find_backend, list_backends, load_class, missing_requirements
-from physic_core.discovery.close_names import did_you_mean
 from physic_core.discovery.entry_points import Offer
+from physic_core.discovery.error_text import did_you_mean
 from physic_core.discovery.plugin_code import named_plugin_code
 from physic_core.errors import (
     AmbiguousBackendError,

@@ -2,5 +2,5 @@
 
 Other packages use :mod:`.backends`, :mod:`.plugins`, :mod:`.hooks`, :mod:`.exporters`, :mod:`.local_modules`,
 :mod:`.plugin_code` and the versions of :mod:`.entry_points`; the other modules are for them, but for messages
-(:mod:`.close_names`, :mod:`.error_text`, :mod:`.catalog`).
+(:mod:`.error_text`, :mod:`.catalog`).
 """

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.discovery import local_modules
 from physic_core.discovery.catalog import BACKENDS, how_to_install
-from physic_core.discovery.close_names import closest_name
 from physic_core.discovery.entry_points import (
     PLUGINS_VARIABLE,
     Offer,
@@ -18,7 +17,7 @@ from physic_core.discovery.entry_points import (
     installed_offers,
     restricted_to,
 )
-from physic_core.discovery.error_text import describe_error
+from physic_core.discovery.error_text import closest_name, describe_error
 from physic_core.discovery.local_modules import TARGET
 from physic_core.discovery.plugin_code import named_plugin_code, plugin_code
 from physic_core.errors import AmbiguousBackendError, BackendError, BackendNotFoundError, WeightsMissingError

@@ -81,7 +81,7 @@ def restricted_to() -> tuple[str, ...] | None:
 
 def group_problem(group: str) -> str:
     """Return why nothing reads a group of entry points; "" if it is read."""
-    from physic_core.discovery.close_names import did_you_mean
+    from physic_core.discovery.error_text import did_you_mean
     from physic_core.interfaces import INTERFACES
 
     known = (HOOKS_GROUP, WEIGHTS_GROUP, *(f"{_PREFIX}{interface}" for interface in INTERFACES))

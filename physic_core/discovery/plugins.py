@@ -17,7 +17,6 @@ import pluggy
 
 from physic_core.discovery import hooks
 from physic_core.discovery.catalog import how_to_install
-from physic_core.discovery.close_names import did_you_mean
 from physic_core.discovery.entry_points import (
     HOOKS_GROUP,
     PLUGINS_VARIABLE,
@@ -27,7 +26,7 @@ from physic_core.discovery.entry_points import (
     installed_offers,
     restricted_to,
 )
-from physic_core.discovery.error_text import describe_error
+from physic_core.discovery.error_text import describe_error, did_you_mean
 from physic_core.discovery.hooks import PROJECT, RECORDS, ExporterRecord, PluginItem
 from physic_core.discovery.plugin_code import named_plugin_code, plugin_code
 from physic_core.errors import ConfigError, PluginError

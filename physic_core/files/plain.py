@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from physic_core import types
 from physic_core.files.atomic import atomic_write, open_regular
 from physic_core.files.npz import read_arrays, write_arrays
-from physic_core.files.strict_json import from_json, parse_json, to_json
+from physic_core.files.text import from_json, parse_json, to_json
 
 Arrays = dict[str, NDArray[Any]]
 

@@ -1,13 +1,23 @@
-"""Text of others in messages, and in CSV files: no terminal obeys it, and no spreadsheet takes it for a formula."""
+"""Text of others in messages and in CSV files, and strict JSON with NaN and infinities as strings.
+
+No terminal obeys the text, and no spreadsheet takes it for a formula.
+"""
 
 from __future__ import annotations
 
 import csv
+import json
+import math
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TextIO
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
 """With which a text begins that a spreadsheet computes; the last four have full width, for Japanese and Chinese."""
+
+_MAX_DEPTH = 200
+_TOO_DEEP = f"values are nested more than {_MAX_DEPTH} deep"
+_NON_FINITE = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
 
 
 def quoted(value: Any) -> str:
@@ -52,3 +62,78 @@ def as_utf8(value: Any) -> Any:
 def _cell(value: Any) -> Any:
     value = as_utf8(value)
     return f"'{value}" if isinstance(value, str) and value.startswith((*_FORMULA, "'")) else value
+
+
+def to_json(value: Any, *, digits: int | None = None) -> Any:
+    """Convert a value to JSON types; NaN and infinities become "NaN", "Infinity" and "-Infinity".
+
+    Args:
+        value: NumPy arrays become lists, NumPy scalars numbers, paths strings, tuples and sets lists. The keys of a
+            mapping become strings, and so does every object of another class.
+        digits: significant digits to which floats are rounded; None keeps all.
+    """
+    if value is None or isinstance(value, bool | str):
+        return value
+    if isinstance(value, int):
+        return int(value)
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
+        return float(value) if digits is None else float(f"{value:.{digits}g}")
+    if isinstance(value, Mapping):
+        return {str(key): to_json(item, digits=digits) for key, item in value.items()}
+    if isinstance(value, Sequence | set | frozenset):
+        return [to_json(item, digits=digits) for item in value]
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if hasattr(value, "tolist"):  # NumPy's arrays and scalars, without importing NumPy
+        return to_json(value.tolist(), digits=digits)
+    return str(value)
+
+
+def from_json(value: Any) -> Any:
+    """Replace the strings "NaN", "Infinity" and "-Infinity" in a JSON value by numbers."""
+    if isinstance(value, str):
+        return _NON_FINITE.get(value, value)
+    if isinstance(value, list):
+        return [from_json(item) for item in value]
+    if isinstance(value, dict):
+        return {key: from_json(item) for key, item in value.items()}
+    return value
+
+
+def parse_json(content: bytes | str) -> Any:
+    """Parse strict JSON in UTF-8, in which each number is finite.
+
+    Raises:
+        ValueError: it is not JSON, a number is not finite, or values are nested more than 200 deep.
+    """
+    try:
+        value = json.loads(content, parse_constant=_refuse, parse_float=_finite)
+    except RecursionError:
+        raise ValueError(_TOO_DEEP) from None
+    level = [value]
+    for _ in range(_MAX_DEPTH):
+        level = [
+            item
+            for one in level
+            for item in (one.values() if isinstance(one, dict) else one if isinstance(one, list) else ())
+        ]
+        if not level:
+            return value
+    raise ValueError(_TOO_DEEP)
+
+
+def _items(value: dict[str, Any] | list[Any]) -> Iterable[Any]:
+    return value.values() if isinstance(value, dict) else value
+
+
+def _refuse(word: str) -> Any:
+    raise ValueError(f"{word} is not a JSON number")
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError(f"the number {text:.60} is too large")
+    return number

@@ -28,14 +28,23 @@ from physic_core.interfaces.backend import (
     Requirement,
     UserFile,
 )
-from physic_core.interfaces.body_estimator import BodyEstimator, BodyEstimatorRequest
-from physic_core.interfaces.contact_prior import ContactPrior, ContactPriorRequest
-from physic_core.interfaces.hand_estimator import HandEstimator, HandEstimatorRequest
-from physic_core.interfaces.inpainter import Inpainter, InpainterRequest
-from physic_core.interfaces.keypoint_detector import KeypointDetector, KeypointDetectorRequest
-from physic_core.interfaces.metric_depth import MetricDepth, MetricDepthRequest
-from physic_core.interfaces.relative_pointmap import RelativePointmap, RelativePointmapRequest
-from physic_core.interfaces.segmenter import Segmenter, SegmenterRequest
+from physic_core.interfaces.bodies import (
+    BodyEstimator,
+    BodyEstimatorRequest,
+    ContactPrior,
+    ContactPriorRequest,
+    HandEstimator,
+    HandEstimatorRequest,
+)
+from physic_core.interfaces.maps import (
+    Inpainter,
+    InpainterRequest,
+    MetricDepth,
+    MetricDepthRequest,
+    RelativePointmap,
+    RelativePointmapRequest,
+)
+from physic_core.interfaces.people import KeypointDetector, KeypointDetectorRequest, Segmenter, SegmenterRequest
 from physic_core.types.bounds import Share
 
 __all__ = [

@@ -288,7 +288,7 @@ class Backend(ABC, metaclass=_OptionsAsKeywords):
     def check(cls, result: Any, request: Any) -> Iterator[str]:
         """Yield one sentence per violation of the interface: what was expected and what was returned.
 
-        Numbers of people that are not finite, or beyond :mod:`physic_core.interfaces.limits`, are a violation only if
+        Numbers of people that are not finite, or beyond :mod:`physic_core.interfaces.checks`, are a violation only if
         no person has valid ones: the pipeline continues with the others.
         """
 

@@ -1,6 +1,5 @@
 """Read photos, and write and read reconstructions.
 
-Other packages use ``read_photo`` of :mod:`.photo`, :mod:`.results` to write and read them, :mod:`.result_record` for
-what the document alone tells, :mod:`.result_folder` for names and digests of files, :mod:`.people_prompt` and
-:mod:`.extra_files`.
+Other packages use ``read_photo`` of :mod:`.photo`, :mod:`.results` to write and read them, :mod:`.result_folder` for
+names and digests of files, and :mod:`.people_prompt`.
 """

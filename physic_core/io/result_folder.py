@@ -2,12 +2,14 @@
 
 The document names the other files with their SHA-256, which tells files of a run from those that the user edited. It is
 moved away first and renamed last. Until the end, old and new document stay under temporary names, so that the next run
-knows the files of one that was killed.
+knows the files of one that was killed. ``people.csv``, a row for each person, and ``report.html``, a page for a
+browser, are beside them.
 """
 
 from __future__ import annotations
 
 import hashlib
+import io
 import itertools
 import json
 import os
@@ -20,12 +22,22 @@ from io import BufferedReader, BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from physic_core.errors import OutputError
-from physic_core.files.atomic import AtomicWrite, atomic_write, check_writable, open_regular, read_regular
-from physic_core.files.strict_json import parse_json
+from physic_core.errors import InputError, OutputError
+from physic_core.files.atomic import (
+    AtomicWrite,
+    atomic_write,
+    check_own,
+    check_writable,
+    open_regular,
+    read_regular,
+    write_own,
+)
+from physic_core.files.text import parse_json, write_csv
+from physic_core.types.person_rows import PERSON_COLUMNS, person_rows
+from physic_core.visual.report import PAGE_MARK, report_html
 
 if TYPE_CHECKING:
-    from physic_core.types import UInt8Array
+    from physic_core.types import Reconstruction, UInt8Array
 
 SCHEMA = "physic-reconstruction"
 DOCUMENT_FILE = "reconstruction.json"
@@ -39,6 +51,8 @@ FILES = (DOCUMENT_FILE, ARRAYS_FILE, PREVIEW_FILE, GLB_FILE, REPORT_FILE, PEOPLE
 _RUN = re.compile(rb'\{\s*"schema": "physic-reconstruction",\s*"schema_version": \d+,\s*"run": "(\w+)"')
 _END_BYTES = 1000
 _PARTS = f".{DOCUMENT_FILE}.*.physic-document"
+PEOPLE_MARK = ",".join(PERSON_COLUMNS)
+"""First line of the table, by which PhySIC recognises its own files: CSV has no comments."""
 
 
 @dataclass(frozen=True)
@@ -243,3 +257,69 @@ def _files(document: Mapping[str, Any]) -> dict[str, str]:
     files = document.get("files")
     pairs = files.items() if isinstance(files, dict) else ()
     return {name: str(digest) for name, digest in pairs if os.path.basename(name) == name and name != DOCUMENT_FILE}
+
+
+def people_csv(result: Reconstruction, photo: str) -> bytes:
+    """Return the table of one result.
+
+    Args:
+        result: with any number of people.
+        photo: its name.
+    """
+    text = io.StringIO(newline="")
+    write_csv(text, list(PERSON_COLUMNS), ({"photo": photo, **row} for row in person_rows(result)))
+    return text.getvalue().encode()
+
+
+def save_report(reconstruction: Reconstruction, path: str | os.PathLike[str], title: str = "") -> Path:
+    """Write the page of a reconstruction to a file; an earlier page of PhySIC is replaced.
+
+    Args:
+        reconstruction: what to show.
+        path: of the file; missing folders are created.
+        title: of the page, such as the name of the photo.
+
+    Raises:
+        OutputError: the file cannot be written, or is not a page of PhySIC.
+        PackageMissingError: no installed plugin makes pages.
+    """
+    check_own(Path(path), mark=PAGE_MARK)  # before a page that takes long is made
+    return write_own(Path(path), report_html(reconstruction, title).encode(), PAGE_MARK)
+
+
+def add_report(folder: str | os.PathLike[str], reconstruction: Reconstruction | None = None, title: str = "") -> Path:
+    """Write ``report.html`` to the folder of a result, and list it there, so that later runs replace it.
+
+    If the result cannot be read, the page says why, and the error is raised.
+
+    Args:
+        folder: of a finished run.
+        reconstruction: its result; loaded if None.
+        title: of the page; by default the name of the folder.
+
+    Raises:
+        InputError: there is no result in the folder, or its files are damaged.
+        OutputError: the page cannot be written, or a ``report.html`` there is not a page of PhySIC.
+        PackageMissingError: no installed plugin makes pages.
+    """
+    folder = Path(folder)
+    title = title or folder.resolve().name
+    if not is_result(folder):
+        raise InputError(f"no result in {folder}: name the folder of a finished run, or a folder of such folders")
+    check_own(folder / REPORT_FILE, mark=PAGE_MARK)
+    shown = reconstruction
+    try:
+        if shown is None:
+            from physic_core.io.results import load_reconstruction
+
+            shown = load_reconstruction(folder)
+    except InputError as error:
+        add_result_file(folder, REPORT_FILE, report_html(error, title).encode())
+        raise
+    add_result_file(folder, REPORT_FILE, report_html(shown, title).encode())
+    return folder / REPORT_FILE
+
+
+def is_result(folder: str | os.PathLike[str]) -> bool:
+    """Whether a folder has a result, valid or not."""
+    return os.path.isfile(os.path.join(folder, DOCUMENT_FILE))

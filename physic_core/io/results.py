@@ -1,8 +1,8 @@
 """Write a reconstruction to a folder and read it back: a document, arrays, and pictures if wanted.
 
 ``reconstruction.json`` has all values, and the names and SHA-256 of the other files; it is written last and removed
-first. ``reconstruction.npz`` has the arrays, by the names of :mod:`physic_core.files.plain`. docs/file-format.md
-describes both.
+first, and :func:`read_record` reads it alone. ``reconstruction.npz`` has the arrays, by the names of
+:mod:`physic_core.files.plain`. docs/file-format.md describes both.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import os
 import zipfile
 from collections.abc import Collection, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,7 +24,7 @@ from physic_core.errors import ConfigError, InputError
 from physic_core.files.atomic import open_regular, read_regular
 from physic_core.files.npz import MAX_ARRAY_BYTES, read_arrays, read_names, write_arrays
 from physic_core.files.plain import Arrays, join, split
-from physic_core.files.strict_json import parse_json, to_json
+from physic_core.files.text import parse_json, to_json
 from physic_core.geometry.upright import gltf_from_camera
 from physic_core.io.result_folder import (
     ARRAYS_FILE,
@@ -37,7 +37,17 @@ from physic_core.io.result_folder import (
     check_overwrite,
     write_result_files,
 )
-from physic_core.types import NO_PARTNER, Intrinsics, Reconstruction
+from physic_core.types import (
+    NO_PARTNER,
+    BodyContact,
+    CheckResult,
+    Grade,
+    Intrinsics,
+    Reconstruction,
+    StageRecord,
+    Support,
+    UnposedPerson,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -327,3 +337,68 @@ def _rays(camera: Intrinsics) -> NDArray[np.float32]:
         (np.arange(camera.width) - camera.cx) / camera.fx, (np.arange(camera.height) - camera.cy) / camera.fy
     )
     return np.stack([x, y, np.ones_like(x)], axis=-1).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class PersonRecord:
+    """One person of a result.
+
+    Attributes:
+        index: into the people of the result.
+        pelvis: x, y, z in the camera frame, metres; NaN or None without a body.
+        distance_sigma: standard deviation of the logarithm of the distance from the camera; None if it is not known.
+        contact_count: number of vertices in contact.
+        vertex_count: of all vertices.
+        states_partners: whether the result states what is touched.
+
+    The others are those of :class:`physic_core.types.Person`.
+    """
+
+    index: int
+    pelvis: tuple[float, float, float] | None
+    distance_sigma: float | None
+    contact_count: int
+    vertex_count: int
+    states_partners: bool
+    grade: Grade | None
+    stature: float | None
+    stature_sigma: float | None
+    contacts: tuple[BodyContact, ...]
+    support: Support | None
+    failed_checks: tuple[str, ...]
+    unknown_checks: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class ResultRecord:
+    """A result without arrays.
+
+    Attributes:
+        files: name -> SHA-256 of each file but the document.
+
+    The others are those of :class:`physic_core.types.Reconstruction`.
+    """
+
+    files: Mapping[str, str]
+    grade: Grade | None
+    people: tuple[PersonRecord, ...]
+    unposed: tuple[UnposedPerson, ...]
+    intrinsics: Intrinsics
+    checks: tuple[CheckResult, ...]
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...]
+    stages: tuple[StageRecord, ...]
+
+
+def read_record(folder: Path) -> ResultRecord:
+    """Read the document of a result.
+
+    Raises:
+        InputError: it is missing, damaged, edited, or of another version.
+    """
+    document = read_document(folder)
+    try:
+        record: ResultRecord = join(ResultRecord, document, {})
+    except Exception as error:  # whatever a dataclass raises for values of others
+        raise damaged(folder, error) from error
+    return record

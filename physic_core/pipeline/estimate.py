@@ -25,21 +25,24 @@ from physic_core.interfaces import (
     RelativePointmapRequest,
     SegmenterRequest,
 )
-from physic_core.interfaces.body_estimator import valid_body_rows
-from physic_core.pipeline.conversion import bodies_for_backends, convert_to_configured, replace_hands, transfer_contact
+from physic_core.interfaces.bodies import valid_body_rows
+from physic_core.pipeline.backend_results import (
+    bodies_for_backends,
+    convert_to_configured,
+    discard_invalid_bodies,
+    discard_invalid_hands,
+    discard_invalid_keypoints,
+    expand_contact,
+    replace_hands,
+    select_held_objects,
+    transfer_contact,
+)
 from physic_core.pipeline.floor_and_scale import (
     PeopleInScene,
     candidates_in,
     find_floor_and_scale,
     floor_evidence,
     plane_of,
-)
-from physic_core.pipeline.held_objects import select_held_objects
-from physic_core.pipeline.invalid_results import (
-    discard_invalid_bodies,
-    discard_invalid_hands,
-    discard_invalid_keypoints,
-    expand_contact,
 )
 from physic_core.types import (
     Bodies,
@@ -309,7 +312,7 @@ class _BackendCalls:
         people = self.stages.call_backend("people", segmenter, request)
         self.stages.note(*people.notes)
         if prompt is not None and not takes_prompt:
-            from physic_core.pipeline.chosen_people import select_chosen
+            from physic_core.pipeline.known_people import select_chosen
 
             people = select_chosen(people, prompt)
         if people.keypoints is not None:

@@ -1,4 +1,4 @@
-"""Known sizes of people: assign statures and ages to people, and resize their bodies."""
+"""People whom the user chose or knows: select them, assign statures and ages, and resize their bodies."""
 
 from __future__ import annotations
 
@@ -8,18 +8,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
+from physic_core.adapters.people import box_iou, boxes_from_masks
 from physic_core.body.ages import ADULT_YEARS, load_ages
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.engine.sizes import resize_bodies
-from physic_core.errors import InputError
+from physic_core.errors import InputError, NoPersonError
 from physic_core.geometry.tensors import tensor
 from physic_core.types.known_sizes import KnownPeople
+from physic_core.types.per_person import select_people
 
 if TYPE_CHECKING:
     from torch import Tensor
 
     from physic_core.body.model import BodyModel
-    from physic_core.types import Bodies, FloatArray, KnownSizes, People
+    from physic_core.types import Bodies, BoolArray, FloatArray, Keypoints, KnownSizes, People, PeoplePrompt
+
+_MIN_BOX_IOU = 0.3
+"""Minimum overlap of a detected person's box with the user's box to be the same person."""
+_MIN_MASK_IOU = 0.5
+"""Minimum overlap of a given mask with a detected one to keep the detected keypoints."""
 
 
 def known_people(known: KnownSizes, people: People, *, chosen: bool = False) -> KnownPeople:
@@ -129,3 +136,87 @@ def resize_children(bodies: Bodies, model: BodyModel, known: KnownPeople) -> tup
         betas[children] = table.betas(np.log(statures[children]))
         near = betas
     return bodies_of_stature(bodies, model, statures, near), notes
+
+
+def select_chosen(people: People, prompt: PeoplePrompt) -> People:
+    """Return the people whom the prompts hit, in the order of the prompts, with the given masks unchanged.
+
+    Args:
+        people: all people whom the segmenter found, (N, H, W) masks.
+        prompt: in px of the same image.
+
+    Raises:
+        NoPersonError: no person is at a point or box, or two prompts select the same person.
+    """
+    rows = [_required(person_at_point(people, p), prompt, i, people) for i, p in enumerate(prompt.points)]
+    rows += [_required(person_in_box(people, b), prompt, i, people) for i, b in enumerate(prompt.boxes, len(rows))]
+    for i, row in enumerate(rows):
+        if row in rows[:i]:
+            first, second = prompt.describe(rows.index(row)), prompt.describe(i)
+            raise NoPersonError(
+                f"{first} and {second} hit the same person: give one prompt for each person, or a box or mask where "
+                "people overlap"
+            )
+    chosen = people.masks[rows]
+    masks, scores, keypoints = chosen, people.scores[rows], _rows(people.keypoints, rows)
+    if prompt.masks is not None:
+        matches = [_best_match(mask, people.masks) for mask in prompt.masks]
+        masks = np.concatenate([chosen & ~prompt.masks.any(0), prompt.masks])
+        # The user is sure of a mask.
+        scores = np.concatenate([scores, np.ones(len(prompt.masks), scores.dtype)])
+        keypoints = _rows(people.keypoints, [*rows, *(m for m in matches if m is not None)])
+        if None in matches:
+            keypoints = None  # the keypoint detector finds those of all people
+    hidden = np.flatnonzero(~masks.any((1, 2)))
+    if len(hidden):
+        raise NoPersonError(f"the given masks hide all of {prompt.describe(int(hidden[0]))}: omit it")
+    floor = None if people.floor is None else people.floor & ~masks.any(0)
+    boxes = boxes_from_masks(masks).astype(np.float32)
+    return replace(people, masks=masks, boxes=boxes, scores=scores, floor=floor, keypoints=keypoints)
+
+
+def person_at_point(people: People, point: tuple[float, float]) -> int | None:
+    """Return the person whose mask contains a pixel x, y; otherwise the one with the smallest box around it, or
+    None."""
+    x, y = point
+    on_mask = np.flatnonzero(people.masks[:, round(y), round(x)])
+    if len(on_mask):
+        return int(on_mask[0])
+    x0, y0, x1, y1 = people.boxes.T
+    inside = np.flatnonzero((x0 - 0.5 <= x) & (x < x1 - 0.5) & (y0 - 0.5 <= y) & (y < y1 - 0.5))
+    area = (x1 - x0) * (y1 - y0)
+    return int(inside[area[inside].argmin()]) if len(inside) else None
+
+
+def person_in_box(people: People, box: tuple[float, float, float, float]) -> int | None:
+    """Return the person whose box has the largest intersection over union with a box; None below ``_MIN_BOX_IOU``."""
+    if not len(people):
+        return None
+    overlap = box_iou(np.array([box]), np.asarray(people.boxes, np.float64))[0]
+    best = int(overlap.argmax())
+    return best if overlap[best] >= _MIN_BOX_IOU else None
+
+
+def _required(row: int | None, prompt: PeoplePrompt, index: int, people: People) -> int:
+    if row is None:
+        height, width = people.masks.shape[1:]
+        boxes = ", ".join(str(tuple(np.round(box).astype(int).tolist())) for box in people.boxes)
+        found = f"people were found in the boxes {boxes}" if boxes else "no person was found"
+        raise NoPersonError(
+            f"no person was found at {prompt.describe(index)}, in px of the photo at {width} x {height} px; {found}: "
+            "choose one of them, mark the person with a mask, or use a segmenter that takes prompts"
+        )
+    return row
+
+
+def _best_match(mask: BoolArray, masks: BoolArray) -> int | None:
+    """Return the row of the mask with the largest intersection over union; None below ``_MIN_MASK_IOU``."""
+    if not len(masks):
+        return None
+    overlap: FloatArray = (masks & mask).sum((1, 2)) / (masks | mask).sum((1, 2))
+    best = int(overlap.argmax())
+    return best if overlap[best] >= _MIN_MASK_IOU else None
+
+
+def _rows(keypoints: Keypoints | None, rows: list[int]) -> Keypoints | None:
+    return None if keypoints is None else select_people(keypoints, np.array(rows, int))

@@ -5,10 +5,14 @@ The three steps are ``estimate.run_backends``, ``optimise.run_engine`` and ``che
 
 from __future__ import annotations
 
+import multiprocessing
+import sys
 import threading
+from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from physic_core.cache.digests import CodeDigester  # imported before any backend: it detects later edits of their code
@@ -16,11 +20,9 @@ from physic_core.configuration.model import as_config
 from physic_core.configuration.resolve import ResolvedPipeline, require_available, resolve, resolve_one
 from physic_core.errors import ConfigError, InputError, PhysicError
 from physic_core.io.photo import Photo, photo_path_for_messages, read_photo
-from physic_core.pipeline.loaded_backends import LoadedBackends, wrap_plugin_errors
-from physic_core.pipeline.memory_limit import limited_memory
 from physic_core.pipeline.prepared_photo import prepare_photo
-from physic_core.pipeline.sources import describe_sources
-from physic_core.pipeline.stage_runner import StageRunner
+from physic_core.pipeline.reconstruction import describe_sources
+from physic_core.pipeline.stage_runner import LoadedBackends, StageRunner, wrap_plugin_errors
 from physic_core.types import CameraTrust, Intrinsics, Reconstruction
 
 if TYPE_CHECKING:
@@ -38,6 +40,11 @@ if TYPE_CHECKING:
     from physic_core.types import KnownSizes, PeoplePrompt
 
     Configuration = ResolvedPipeline | Config | Mapping[str, Any] | str | os.PathLike[str] | None
+
+_EXTRA_STAGES = 7
+"""Number of stages without a backend of their own: second point map, two for the floor, four of the engine."""
+_MAX_READING_BYTES = 2_000_000_000
+"""More than any photo needs: files just below the limits of their formats took up to 1.27 GB."""
 
 
 class Pipeline:
@@ -339,5 +346,26 @@ def _reconstruct(
     return found if prepared.border is None else prepared.border.added_to(found)
 
 
-_EXTRA_STAGES = 7
-"""Number of stages without a backend of their own: second point map, two for the floor, four of the engine."""
+@contextmanager
+def limited_memory(device: str) -> Iterator[None]:
+    """Inside the block, limit a Linux worker with networks on a CPU to 2 GB more memory.
+
+    Memory already in use does not count, since networks take from a few MB to many GB. CUDA reserves memory at any
+    time, and is not limited.
+
+    Args:
+        device: of the networks.
+    """
+    if sys.platform != "linux" or device != "cpu" or multiprocessing.parent_process() is None:
+        yield
+        return
+    import resource
+
+    before = resource.getrlimit(resource.RLIMIT_DATA)
+    held = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
+    limits = [limit for limit in (*before, held + _MAX_READING_BYTES) if limit != resource.RLIM_INFINITY]
+    resource.setrlimit(resource.RLIMIT_DATA, (min(limits), before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_DATA, before)

@@ -11,17 +11,13 @@ from typing import TYPE_CHECKING
 
 from physic_core.types.bodies import Bodies, BodyParameters, ContactProbability, Hands, Mesh, RestMesh
 from physic_core.types.camera import CameraTrust, Intrinsics, Lens
-from physic_core.types.contacts import NO_PARTNER, PARTNER_KINDS, BodyContact, ContactPartner
-from physic_core.types.depth import AffineAmbiguity, DepthMap, Plane, Pointmap, SceneScale
-from physic_core.types.hints import Hints
+from physic_core.types.contacts import NO_PARTNER, PARTNER_KINDS, BodyContact, ContactPartner, Support, SupportState
+from physic_core.types.depth import AffineAmbiguity, DepthMap, Hints, Plane, Pointmap, SceneScale
 from physic_core.types.known_sizes import KnownLength, KnownSizes
-from physic_core.types.people import Keypoints, People, UnposedPerson
-from physic_core.types.prompt import PeoplePrompt
+from physic_core.types.people import SURFACE_NAMES, Keypoints, People, PeoplePrompt, SurfaceLabels, UnposedPerson
 from physic_core.types.records import CheckResult, CheckState, Grade, Provenance, StageRecord, summarize_checks
 from physic_core.types.results import Person, Reconstruction, Scene
 from physic_core.types.skeletons import SKELETONS, Skeleton, skeleton_named
-from physic_core.types.support import Support, SupportState
-from physic_core.types.surfaces import SURFACE_NAMES, SurfaceLabels
 
 if TYPE_CHECKING:
     from physic_core.types.arrays import BoolArray as BoolArray

@@ -1,4 +1,4 @@
-"""People in the image: masks, boxes and 2D keypoints."""
+"""People in the image: masks, boxes, keypoints and labels of surfaces; and those whom the user chose."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ from physic_core.types.skeletons import Skeleton, skeleton_named
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from physic_core.types.arrays import BoolArray, FloatArray
-    from physic_core.types.surfaces import SurfaceLabels
+    from physic_core.types.arrays import BoolArray, FloatArray, UInt8Array
 
 
 @dataclass(frozen=True)
@@ -108,3 +107,85 @@ class People(ShortRepr):
 
     def __len__(self) -> int:
         return len(self.masks)
+
+
+SURFACE_NAMES = (
+    "unknown",
+    "floor",
+    "ground",
+    "rug",
+    "stairs",
+    "wall",
+    "ceiling",
+    "window",
+    "seat",
+    "bed",
+    "table",
+    "cabinet",
+    "vehicle",
+    "vegetation",
+    "water",
+    "sky",
+    "object",
+    "person",
+)
+"""Vocabulary of :class:`SurfaceLabels`. "floor" is indoors, "ground" outdoors: road, pavement, grass, earth, sand.
+"wall" includes doors, curtains, pictures and the outside of buildings. "seat" is a chair, armchair, sofa, bench or
+stool. "cabinet" includes shelves and other storage. "vegetation" is trees and plants, and not grass. "object" is a
+thing of no other name."""
+
+
+@dataclass(frozen=True)
+class SurfaceLabels(ShortRepr):
+    """Semantic label of each pixel.
+
+    Attributes:
+        labels: (H, W) uint8, index into ``names``.
+        names: of the labels, each one of :data:`SURFACE_NAMES`. Names that the backend never uses may be omitted.
+    """
+
+    labels: UInt8Array
+    names: tuple[str, ...] = SURFACE_NAMES
+
+    def mask(self, *names: str) -> BoolArray:
+        """Return the pixels (H, W) bool with one of some names, such as ``mask("floor", "rug")``.
+
+        Raises:
+            ValueError: a name is not one of :data:`SURFACE_NAMES`.
+        """
+        import numpy as np
+
+        unknown = [name for name in names if name not in SURFACE_NAMES]
+        if unknown:
+            raise ValueError(f"no surface is named {', '.join(map(repr, unknown))}: use {', '.join(SURFACE_NAMES)}")
+        chosen = np.array([name in names for name in self.names], bool)
+        return np.asarray(chosen[self.labels])
+
+
+@dataclass(frozen=True)
+class PeoplePrompt(ShortRepr):
+    """The people whom the user chose in a photo, one for each point, box and mask.
+
+    Results are in the order of the prompts: points, then boxes, then masks.
+
+    Attributes:
+        points: x, y px of a pixel on each person.
+        boxes: x0, y0, x1, y1 px around each person, half open like a slice.
+        masks: (M, H, W) bool, visible pixels of each person; masks do not overlap. Or None.
+    """
+
+    points: tuple[tuple[float, float], ...] = ()
+    boxes: tuple[tuple[float, float, float, float], ...] = ()
+    masks: BoolArray | None = None
+
+    def __len__(self) -> int:
+        return len(self.points) + len(self.boxes) + (0 if self.masks is None else len(self.masks))
+
+    def describe(self, index: int) -> str:
+        """Return the number and the px of a prompt as text for messages, such as "point 1 (310, 42)"."""
+        if index < len(self.points):
+            return f"point {index + 1} ({', '.join(f'{v:.0f}' for v in self.points[index])})"
+        index -= len(self.points)
+        if index < len(self.boxes):
+            return f"box {index + 1} ({', '.join(f'{v:.0f}' for v in self.boxes[index])})"
+        return f"mask {index - len(self.boxes) + 1}"

@@ -1,4 +1,7 @@
-"""A row for each person of a result: how far to trust the body, where it is, how tall it is, and what it touches."""
+"""A row for each person of a result: how far to trust the body, where it is, how tall it is, and what it touches.
+
+The main people count for the grade of a photo.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +10,10 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from physic_core.types.contacts import part_words
-from physic_core.types.main_people import main_people
 from physic_core.types.records import Grade
 
 if TYPE_CHECKING:
+    from physic_core.types.arrays import FloatArray
     from physic_core.types.records import CheckResult
     from physic_core.types.results import Person, Reconstruction
 
@@ -78,3 +81,30 @@ def _times(metres: float | None, log_sigma: float | None) -> float | None:
 
 def _millimetres(metres: float | None) -> float | None:
     return None if metres is None else round(metres, 3)
+
+
+_MAIN_SHARE = 0.5
+
+
+def main_people(boxes: Sequence[FloatArray] | FloatArray) -> tuple[int, ...]:
+    """Return the indices of the main people: those at least half as large in the photo as the largest one.
+
+    The size is the longer side of the box: people who lie are as large as people who stand.
+
+    Args:
+        boxes: (4,) each, x0 y0 x1 y1, px.
+    """
+    sizes = [max(float(x1 - x0), float(y1 - y0)) for x0, y0, x1, y1 in boxes]
+    return tuple(i for i, size in enumerate(sizes) if size >= _MAIN_SHARE * max(sizes))
+
+
+def metres_text(metres: float, log_sigma: float | None, digits: int = 2) -> str:
+    """Return a length with its standard deviation: "4.20 ± 0.71 m"; without one: "4.20 m".
+
+    Args:
+        metres: the length.
+        log_sigma: standard deviation of its logarithm, or None.
+        digits: after the point.
+    """
+    spread = "" if log_sigma is None else f" ± {log_sigma * abs(metres):.{digits}f}"
+    return f"{round(metres, digits) + 0.0:.{digits}f}{spread} m"  # no "-0.00"

@@ -1,4 +1,4 @@
-"""Records of a run: backends, stages with their times, and results of self-checks."""
+"""Records of a run: backends, stages with their times, results of self-checks, and files of exports."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 @dataclass(frozen=True)
@@ -162,3 +165,29 @@ def summarize_checks(checks: Sequence[CheckResult]) -> str:
     count = Counter(check.state for check in checks)
     words = ((CheckState.FAILED, "failed"), (CheckState.UNKNOWN, "not measured"), (CheckState.OK, "ok"))
     return ", ".join(f"{count[state]} {word}" for state, word in words if count[state] or state is CheckState.OK)
+
+
+@dataclass(frozen=True)
+class ExportedFiles:
+    """Files of one export, which an exporter returns.
+
+    Attributes:
+        files: file name -> content.
+        notes: sentences for the user.
+    """
+
+    files: dict[str, bytes]
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Exported:
+    """Result of an export.
+
+    Attributes:
+        files: paths of the written files.
+        notes: sentences about frame, fit errors and what was omitted.
+    """
+
+    files: tuple[Path, ...]
+    notes: tuple[str, ...]

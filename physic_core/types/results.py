@@ -22,13 +22,11 @@ if TYPE_CHECKING:
     from physic_core.types.arrays import BoolArray, FloatArray, UInt8Array
     from physic_core.types.bodies import BodyParameters
     from physic_core.types.camera import Intrinsics, Lens
-    from physic_core.types.contacts import BodyContact, ContactPartner
+    from physic_core.types.contacts import BodyContact, ContactPartner, Support
     from physic_core.types.depth import Plane
-    from physic_core.types.exports import Exported
     from physic_core.types.people import UnposedPerson
-    from physic_core.types.records import CheckResult, Grade, StageRecord
+    from physic_core.types.records import CheckResult, Exported, Grade, StageRecord
     from physic_core.types.skeletons import Skeleton
-    from physic_core.types.support import Support
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.errors import InputError
 from physic_core.geometry.upright import transform_points
-from physic_core.types.exports import ExportedFiles
+from physic_core.types.records import ExportedFiles
 from physic_core.visual.export.request import ExportRequest, camera_pose, drawn_floor, export_frame
 from physic_core.visual.glb_builder import ARRAY, INDICES, GlbBuilder
 from physic_core.visual.palette import (
@@ -33,14 +33,14 @@ from physic_core.visual.palette import (
 from physic_core.visual.rig import Rig, rigs
 from physic_core.visual.surface import SceneMesh, depth_limit, mesh_scene, unit_normals
 from physic_core.visual.textures.dressed import dressed_bodies, dressed_images, image_of_vertices
-from physic_core.visual.textures.pictures import encode_image
+from physic_core.visual.textures.photo import encode_image
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.types import Intrinsics, Reconstruction, UInt8Array
     from physic_core.visual.export.request import ExportFrame
-    from physic_core.visual.textures.coordinates import TextureCoordinates
+    from physic_core.visual.textures.raster import TextureCoordinates
 
 _WEIGHT_LOSS = 1e-3
 """Maximum sum of the weights beyond four influences of a vertex; with more, eight are written."""

@@ -19,7 +19,7 @@ from physic_core.body.joints import JOINT_INDEX
 from physic_core.files.atomic import MARK
 from physic_core.geometry.upright import up_in_camera
 from physic_core.types import summarize_checks
-from physic_core.types.metres_text import metres_text
+from physic_core.types.person_rows import metres_text
 from physic_core.visual.orthographic_views import (
     PAGE_RGB,
     LabeledView,
@@ -29,20 +29,18 @@ from physic_core.visual.orthographic_views import (
 )
 from physic_core.visual.palette import FAINT, FLOOR_RGB, contact_legend, has_faint_contact
 from physic_core.visual.panels import (
-    colored_depth,
-    depth_panel,
-    depth_range,
-    overlay_panel,
-    photo_panel,
-)
-from physic_core.visual.people_table import (
     ALERT_RGB,
     INK_RGB,
     SOFT_RGB,
+    colored_depth,
+    depth_panel,
+    depth_range,
     draw_person_number,
     draw_text,
     font,
+    overlay_panel,
     people_table,
+    photo_panel,
     wrap,
 )
 from physic_core.visual.render import View

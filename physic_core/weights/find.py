@@ -13,7 +13,7 @@ from pathlib import Path
 
 from physic_core.cache.digests import remembered_sha256
 from physic_core.cache.folders import cache_folder
-from physic_core.discovery.close_names import format_choice, similar_names
+from physic_core.discovery.error_text import format_choice, similar_names
 from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.weights.lock import locked, record_use
 from physic_core.weights.manifest import HubSource, WeightFile, WeightSet, read_manifest

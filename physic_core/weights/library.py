@@ -7,7 +7,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from physic_core.discovery.close_names import format_choice, similar_names
 from physic_core.discovery.entry_points import (
     WEIGHTS_GROUP,
     Offer,
@@ -15,6 +14,7 @@ from physic_core.discovery.entry_points import (
     installed_offers,
     weights_folder,
 )
+from physic_core.discovery.error_text import format_choice, similar_names
 from physic_core.errors import ConfigError, PhysicError
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import physic_core.io.extra_files as report_file
+import physic_core.io.result_folder as report_file
 import physic_core.visual.glb as glb
 import physic_core.visual.preview as preview
 from fuzzing.interrupted import Steps

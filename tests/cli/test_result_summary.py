@@ -11,7 +11,7 @@ import pytest
 
 from physic_core import Reconstruction, save_reconstruction
 from physic_core.cli.result_summary import summary_record, summary_text
-from physic_core.io.result_record import ResultRecord, read_record
+from physic_core.io.results import ResultRecord, read_record
 from physic_core.types import BodyContact, CheckResult, CheckState, ContactPartner, Grade, Support, UnposedPerson
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from physic_core.discovery.close_names import format_choice, similar_names
+from physic_core.discovery.error_text import format_choice, similar_names
 
 NAMES = (
     *("big-lama", "instanthmr", "lama-carve", "mi-gan", "moge-1-vitl"),

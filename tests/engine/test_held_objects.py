@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from physic_core.engine.contact.objects import HeldObjects, object_distances
-from physic_core.pipeline.held_objects import select_held_objects
+from physic_core.pipeline.backend_results import select_held_objects
 from physic_core.types import Keypoints, People
 
 K = torch.tensor([[200.0, 0.0, 60.0], [0.0, 200.0, 50.0], [0.0, 0.0, 1.0]], dtype=torch.float64)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from physic_core.files.strict_json import from_json, to_json
+from physic_core.files.text import from_json, to_json
 
 
 def test_nan_and_infinities_are_written_by_name_and_read_back():

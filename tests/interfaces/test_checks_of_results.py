@@ -93,7 +93,7 @@ def parameters(**values: Any) -> dict[str, BodyParameters]:
         (HANDS, {}),
         (HANDS, {"rotvecs": nan_at(HANDS.rotvecs), "confidence": np.zeros((2, 2)), "wrists": None}),  # not found
         (CONTACT, {}),
-        # What is lost for some people only is handled for each: see physic_core.pipeline.invalid_results.
+        # What is lost for some people only is handled for each: see physic_core.pipeline.backend_results.
         (KEYPOINTS, {"confidence": nan_at(KEYPOINTS.confidence, 0, 3), "world": nan_at(KEYPOINTS.world, 0, 3)}),
         (BODIES, parameters(transl=nan_at(PARAMETERS.transl, 1)) | {"joints": nan_at(BODIES.joints, 1)}),
         (BODIES, mesh(nan_at(MESH.vertices, 0, 2), FACES)),

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 from physic_core.cli import main
 from physic_core.errors import InputError
-from physic_core.io.extra_files import add_report
+from physic_core.io.result_folder import add_report
 from physic_core.io.results import load_reconstruction, save_reconstruction
 
 

@@ -11,7 +11,7 @@ from click.testing import CliRunner, Result
 from physic_core import InputError, save_reconstruction
 from physic_core.cli import main
 from physic_core.errors import PackageMissingError, PluginError
-from physic_core.io.extra_files import add_report
+from physic_core.io.result_folder import add_report
 from physic_core.visual.report import PAGE_MARK, report_html
 
 PAGE = """

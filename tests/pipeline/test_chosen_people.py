@@ -10,7 +10,7 @@ import pytest
 from physic_core import load_config, reconstruct
 from physic_core.errors import BackendOutputError, ConfigError, InputError, NoPersonError
 from physic_core.interfaces import SegmenterRequest
-from physic_core.pipeline.chosen_people import person_at_point, select_chosen
+from physic_core.pipeline.known_people import person_at_point, select_chosen
 from physic_core.types import Keypoints, People, PeoplePrompt
 from physic_mock import backends
 from physic_testing.worlds import World

@@ -11,7 +11,7 @@ from physic_core.configuration.model import PhotoSettings
 from physic_core.errors import ConfigError
 from physic_core.geometry.camera import check_distortion, undistort_image, undistort_pixels
 from physic_core.io.photo import Photo
-from physic_core.pipeline.undistort import undistort
+from physic_core.pipeline.prepared_photo import undistort
 from physic_core.types import Lens
 from physic_testing.worlds import build_world
 

@@ -13,8 +13,8 @@ from physic_core import reconstruct
 from physic_core.cli.result_summary import summary_text
 from physic_core.engine.joint import solve as joint
 from physic_core.errors import BackendOutputError
-from physic_core.io.result_record import read_record
-from physic_core.pipeline.invalid_results import discard_invalid_hands, discard_invalid_keypoints
+from physic_core.io.results import read_record
+from physic_core.pipeline.backend_results import discard_invalid_hands, discard_invalid_keypoints
 from physic_core.types import Hands, Keypoints, Person, Reconstruction
 from physic_core.types.per_person import select_people
 from physic_mock import backends

@@ -14,7 +14,7 @@ from physic_core.body.convert.bodies import rest_mesh_of_model
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.errors import BodyModelError
 from physic_core.interfaces import BodyEstimator
-from physic_core.pipeline.invalid_results import discard_invalid_bodies
+from physic_core.pipeline.backend_results import discard_invalid_bodies
 from physic_core.types import Bodies, BodyParameters, ContactProbability, Mesh, RestMesh
 from physic_mock import backends
 from physic_testing import violations

@@ -14,7 +14,7 @@ from physic_core.configuration.model import PhotoSettings
 from physic_core.engine.joint.problem import OtherView
 from physic_core.errors import BodyModelError, DeviceError
 from physic_core.io.photo import Photo
-from physic_core.pipeline.conversion import replace_hands
+from physic_core.pipeline.backend_results import replace_hands
 from physic_core.pipeline.floor_and_scale import feet_pixels
 from physic_core.pipeline.prepared_photo import prepare_photo
 from physic_core.types import Hands, Hints, Intrinsics, Keypoints

@@ -7,8 +7,7 @@ import pytest
 
 from physic_core.body import load_body
 from physic_core.errors import BodyModelError
-from physic_core.visual.textures.coordinates import load_texture_coordinates, split_at_seams
-from physic_core.visual.textures.raster import rasterize_texture
+from physic_core.visual.textures.raster import load_texture_coordinates, rasterize_texture, split_at_seams
 
 
 def test_split_vertices_keep_the_vertex_of_the_body():

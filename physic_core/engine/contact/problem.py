@@ -13,8 +13,7 @@ from physic_core.body.model import BodyModel
 from physic_core.engine.contact.distance import ContactSurfaces
 from physic_core.engine.contact.scene_parts import ClassifiedPoints
 from physic_core.engine.limbs import observed_parts
-from physic_core.types.contacts import BodyContact, ContactPartner
-from physic_core.types.support import Support
+from physic_core.types.contacts import BodyContact, ContactPartner, Support
 
 if TYPE_CHECKING:
     from physic_core.engine.contact.objects import HeldObjects

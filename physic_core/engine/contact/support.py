@@ -17,9 +17,8 @@ from torch import Tensor
 
 from physic_core.body.model import BodyModel
 from physic_core.engine.contact.partner import DECIMALS
-from physic_core.types.contacts import BodyContact
+from physic_core.types.contacts import BodyContact, Support, SupportState
 from physic_core.types.skeletons import SIDES
-from physic_core.types.support import Support, SupportState
 
 _DOWNWARD = -0.3  # cosine between a normal and up; skin below it faces down, and can rest on something
 _BALANCE_M = 0.12  # metres beside the hull within which a body is balanced; poses are off by a decimetre along the ray

@@ -16,7 +16,7 @@ from physic_core.discovery.hooks import ExporterRecord
 from physic_core.discovery.plugins import Found, call_item
 from physic_core.errors import InputError, OutputError, PluginError
 from physic_core.files.atomic import atomic_write, check_writable, open_regular
-from physic_core.types.exports import Exported, ExportedFiles
+from physic_core.types.records import Exported, ExportedFiles
 from physic_core.visual.export.request import ExportRequest, export_frame
 
 if TYPE_CHECKING:

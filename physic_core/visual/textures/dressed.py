@@ -19,9 +19,13 @@ from physic_core.body import load_body
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.upright import up_in_camera
 from physic_core.visual.palette import BODY_RGB
-from physic_core.visual.textures.coordinates import TextureCoordinates, load_texture_coordinates
 from physic_core.visual.textures.photo import caster_of_bodies, photo_colors
-from physic_core.visual.textures.raster import TextureRaster, rasterize_texture
+from physic_core.visual.textures.raster import (
+    TextureCoordinates,
+    TextureRaster,
+    load_texture_coordinates,
+    rasterize_texture,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -1,9 +1,10 @@
-"""The colours that the photo shows at points of a body."""
+"""The colours that the photo shows at points of a body; textures as picture files."""
 
 from __future__ import annotations
 
+import io
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from physic_core.types import Reconstruction
 
     Array = NDArray[np.float64]
+    import numpy as np
 
 FULL_FACING, NO_FACING = 0.45, 0.15
 """Cosines between normal and ray to the camera: the photo has full weight above the first, none below the second."""
@@ -120,3 +122,12 @@ def _sample(
 
     far, colors = at(outer, 1e6)[:, 0], at(image, 0.0)
     return colors.astype(np.float64), far < 0.5, far < REACH_SHARE * height
+
+
+def encode_image(image: NDArray[np.uint8 | np.uint16], form: Literal["JPEG", "PNG"]) -> bytes:
+    """Return an image (H, W, 3) or (H, W) as a file; a PNG of (H, W) may have 16 bits."""
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.fromarray(image).save(buffer, form, **({"quality": 90} if form == "JPEG" else {"optimize": True}))
+    return buffer.getvalue()

@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from physic_core.files.strict_json import to_json
+from physic_core.files.text import to_json
 
 
 def kept(path: Path | None, make: Callable[[], Any], keep: Callable[[Any], bool] = lambda value: True) -> Any:

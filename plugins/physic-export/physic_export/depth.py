@@ -14,7 +14,7 @@ import numpy as np
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.errors import InputError
 from physic_core.visual.export.request import camera_pose
-from physic_core.visual.textures.pictures import encode_image
+from physic_core.visual.textures.photo import encode_image
 
 if TYPE_CHECKING:
     from physic_core.types.arrays import BoolArray

@@ -14,7 +14,7 @@ from physic_core import ExportedFiles, ExportRequest
 from physic_core.visual.glb import Appearance, body_material, build_glb, glb_notes, photo_appearance, textured_scene
 from physic_core.visual.palette import BODY_RGB
 from physic_core.visual.rig import rigs
-from physic_core.visual.textures.pictures import encode_image
+from physic_core.visual.textures.photo import encode_image
 from physic_export.skeleton import bone_names, t_pose
 from physic_export.skins import Skins, skins_of
 

@@ -15,7 +15,7 @@ from physic_core import ExportedFiles, ExportRequest
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.palette import BODY_RGB, contact_legend
 from physic_core.visual.surface import depth_limit, mesh_scene, unit_normals
-from physic_core.visual.textures.pictures import encode_image
+from physic_core.visual.textures.photo import encode_image
 from physic_export.skins import Skins, skins_of
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import camera_pose, drawn_floor
 from physic_core.visual.rig import body_of_result
 from physic_core.visual.surface import depth_limit, mesh_scene
-from physic_core.visual.textures.pictures import encode_image
+from physic_core.visual.textures.photo import encode_image
 from physic_export.balance import ExportedPerson, people_of
 from physic_export.humanoid import (
     FULL_TORQUE_RAD,

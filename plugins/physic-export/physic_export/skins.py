@@ -19,10 +19,13 @@ from physic_core.errors import InputError, PhysicError
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.visual.palette import BODY_RGB, contact_colors
 from physic_core.visual.rig import body_of_result
-from physic_core.visual.textures.coordinates import TextureCoordinates, load_texture_coordinates
-from physic_core.visual.textures.photo import NEAREST_WEIGHT, caster_of_bodies, photo_colors
-from physic_core.visual.textures.pictures import encode_image
-from physic_core.visual.textures.raster import TextureRaster, rasterize_texture
+from physic_core.visual.textures.photo import NEAREST_WEIGHT, caster_of_bodies, encode_image, photo_colors
+from physic_core.visual.textures.raster import (
+    TextureCoordinates,
+    TextureRaster,
+    load_texture_coordinates,
+    rasterize_texture,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -18,7 +18,7 @@ from physic_core.visual.glb import skin_influences
 from physic_core.visual.palette import BODY_RGB, FLOOR_RGB, contact_legend, linear_from_srgb
 from physic_core.visual.rig import rigs
 from physic_core.visual.surface import depth_limit, mesh_scene, unit_normals
-from physic_core.visual.textures.pictures import encode_image
+from physic_core.visual.textures.photo import encode_image
 from physic_export.meshes import ColoredMesh, person_meshes, scene_mesh
 from physic_export.skeleton import bone_names, t_pose
 from physic_export.skins import Skins, skins_of

@@ -10,7 +10,7 @@ import pytest
 
 from physic_core import Reconstruction, export_reconstruction
 from physic_core.body import load_body
-from physic_core.types.exports import Exported
+from physic_core.types.records import Exported
 
 sys.path.append(str(Path(__file__).parents[3] / "tests" / "body"))  # other_body.py
 

@@ -18,7 +18,7 @@ from physic_core.body.joints import JOINT_NAMES
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.errors import InputError
 from physic_core.types import BodyContact, ContactPartner
-from physic_core.types.support import Support, SupportState
+from physic_core.types.contacts import Support, SupportState
 
 pytest.importorskip("mujoco")
 

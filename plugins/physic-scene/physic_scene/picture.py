@@ -11,8 +11,7 @@ from PIL import Image, ImageDraw
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.visual.orthographic_views import PAGE_RGB, build_preview_geometry
-from physic_core.visual.panels import bodies_over, photo_panel
-from physic_core.visual.people_table import draw_person_number, draw_text
+from physic_core.visual.panels import bodies_over, draw_person_number, draw_text, photo_panel
 from physic_core.visual.render import View
 
 if TYPE_CHECKING:

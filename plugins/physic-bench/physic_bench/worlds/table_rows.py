@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import ConfigError
-from physic_core.files.strict_json import to_json
+from physic_core.files.text import to_json
 
 if TYPE_CHECKING:
     from physic_core.engine.settings import EngineSettings

@@ -1,4 +1,4 @@
-"""Interface BodyEstimator: body model parameters of each person."""
+"""Interfaces BodyEstimator, HandEstimator and ContactPrior: parameters, finger rotations and contact of each person."""
 
 from __future__ import annotations
 
@@ -9,12 +9,24 @@ from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 from physic_core.interfaces.backend import Backend, Request
-from physic_core.interfaces.checks import check_array, check_faces, check_limit, check_type, valid_rows, within
-from physic_core.interfaces.limits import METRES, RADIANS, SHAPE
-from physic_core.types import Bodies, BodyParameters, Hints, Mesh
+from physic_core.interfaces.checks import (
+    METRES,
+    RADIANS,
+    SHAPE,
+    check_array,
+    check_faces,
+    check_limit,
+    check_type,
+    check_unit_range,
+    length,
+    rows_to_check,
+    valid_rows,
+    within,
+)
+from physic_core.types import Bodies, BodyParameters, ContactProbability, Hands, Hints, Mesh, RestMesh
 
 if TYPE_CHECKING:
-    from physic_core.types import BoolArray, Intrinsics, Keypoints, People, UInt8Array
+    from physic_core.types import Bodies, BoolArray, Intrinsics, Keypoints, People, UInt8Array
 
 _JOINTS = 55  # of SMPL-X
 _ROTATIONS = 22  # of pelvis and body joints
@@ -161,3 +173,135 @@ def _check_mesh(mesh: Mesh, people: int) -> Iterator[str]:
         wrong = list(check_array("mesh.rest", mesh.rest, (vertices, 3), "float"))
         yield from wrong or check_limit("mesh.rest", mesh.rest, METRES, "m")
     yield from check_faces("mesh.faces", mesh.faces, vertices)
+
+
+@dataclass(frozen=True)
+class HandEstimatorRequest(Request[Hands]):
+    """Input of a HandEstimator: the photo, N people and their keypoints."""
+
+    people: People
+    keypoints: Keypoints
+
+
+class HandEstimator(Backend):
+    """Estimates the finger rotations of both hands of each person (paper: WiLoR)."""
+
+    interface = "hand_estimator"
+    api = 1
+    Request = HandEstimatorRequest
+    Result = Hands
+
+    @abstractmethod
+    def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
+        """Estimate 15 joint rotations and a confidence for each hand; 0 for a hand that is not visible.
+
+        With ``wrists``, the global rotation of each hand, forearms are rotated to fit, weighted by confidence. Fingers
+        of every confidence above 0 are used: return 0 for what is likely wrong.
+
+        Example: a network for right hands got the mirrored crop of a left hand. Each of its rotation vectors (x, y, z)
+        becomes (x, -y, -z), and hand 0. MANO's hands with flat_hand_mean=False need the mean pose added.
+        """
+
+    @classmethod
+    def check(cls, result: Hands, request: HandEstimatorRequest) -> Iterator[str]:
+        """Check N x 2 hands; rotations with a confidence above 0 must be within limits."""
+        n = len(request.people)
+        wrong = [
+            *check_array("rotvecs", result.rotvecs, (n, 2, 15, 3), "float"),
+            *check_array("confidence", result.confidence, (n, 2), "float"),
+        ]
+        if result.wrists is not None:
+            wrong += check_array("wrists", result.wrists, (n, 2, 3), "float")
+        yield from wrong
+        if wrong:
+            return
+        rows = rows_to_check(valid_hand_rows(result))
+        confidence = result.confidence[rows]
+        yield from check_unit_range("confidence", confidence)
+        yield from check_limit("rotvecs", result.rotvecs[rows][confidence > 0], RADIANS, "rad")
+        if result.wrists is not None:
+            yield from check_limit("wrists", result.wrists[rows][confidence > 0], RADIANS, "rad")
+
+
+def valid_hand_rows(hands: Hands) -> BoolArray:
+    """Return (N,) bool: True for people with finite confidence, and rotations of all detected hands within limits."""
+    undetected = hands.confidence <= 0
+    valid = valid_rows([(hands.confidence, math.inf)], len(hands.confidence))
+    valid &= (within(hands.rotvecs, RADIANS).all((-2, -1)) | undetected).all(1)
+    if hands.wrists is not None:
+        valid &= (within(hands.wrists, RADIANS).all(-1) | undetected).all(1)
+    return valid
+
+
+@dataclass(frozen=True)
+class ContactPriorRequest(Request[ContactProbability]):
+    """Input of a ContactPrior: the photo, N people and their bodies.
+
+    Attributes:
+        people: N people.
+        bodies: of the configured body model, with ``joints`` if that is a file of the user's.
+        topology: mesh of ``bodies``, or None to accept any mesh. Not passed to ``infer``.
+        vertices: number of vertices of ``topology``. Not passed to ``infer``.
+    """
+
+    people: People
+    bodies: Bodies
+    topology: str | None = field(default=None, kw_only=True)
+    vertices: int | None = field(default=None, kw_only=True)
+
+
+class ContactPrior(Backend):
+    """Predicts the contact probability of each body vertex (paper: DECO)."""
+
+    interface = "contact_prior"
+    api = 1
+    Request = ContactPriorRequest
+    Result = ContactProbability
+
+    @abstractmethod
+    def infer(self, image: UInt8Array, people: People, bodies: Bodies) -> ContactProbability:
+        """Predict the contact probability of each vertex of N bodies.
+
+        The probabilities may be on any mesh. If it is not the mesh of the bodies, give that mesh in the T-pose as
+        ``rest``: the core transfers the probabilities. Vertices of 0.5 and more count as in contact.
+
+        Example: people who stand have about 0.9 at the vertices of their soles, and about 0 elsewhere.
+        """
+
+    @classmethod
+    def check(cls, result: ContactProbability, request: ContactPriorRequest) -> Iterator[str]:
+        """Check contact probabilities of N people: in [0, 1], one per vertex of the bodies or of ``result.rest``."""
+        vertices, topology = request.vertices, request.topology
+        if topology is None or vertices is None:
+            vertices = result.probability.shape[-1]
+        elif result.topology != topology:
+            if result.rest is None:
+                yield f"topology must be {topology!r} as the bodies', got {result.topology!r}"
+                return
+            wrong = list(_check_rest(result.rest, result.topology))
+            if wrong:
+                yield from wrong
+                return
+            vertices = len(result.rest.vertices)
+        wrong = list(check_array("probability", result.probability, (len(request.people), vertices), "float"))
+        yield from wrong or check_unit_range(
+            "probability", result.probability[rows_to_check(valid_contact_rows(result))]
+        )
+
+
+def valid_contact_rows(contact: ContactProbability) -> BoolArray:
+    """Return (N,) bool: True for people with finite probabilities."""
+    return valid_rows([(contact.probability, math.inf)], len(contact.probability))
+
+
+def _check_rest(rest: RestMesh, topology: str) -> Iterator[str]:
+    wrong_type = list(check_type(rest, RestMesh, "rest"))
+    if wrong_type:
+        yield from wrong_type
+        return
+    vertices = length(rest.vertices)
+    if rest.topology != topology:
+        yield f"rest must be the mesh {topology!r} that the probabilities are on, got {rest.topology!r}"
+    wrong = list(check_array("rest.vertices", rest.vertices, (vertices, 3), "float"))
+    yield from wrong or check_limit("rest.vertices", rest.vertices, METRES, "m")
+    yield from check_faces("rest.faces", rest.faces, vertices)

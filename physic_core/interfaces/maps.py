@@ -1,0 +1,188 @@
+"""Interfaces MetricDepth, RelativePointmap and Inpainter: depth in metres, points up to a scale, and the background."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, get_args
+
+from physic_core.interfaces.backend import Backend, Request
+from physic_core.interfaces.checks import (
+    DEPTH_M,
+    RELATIVE_DEPTH,
+    check_array,
+    check_camera,
+    check_finite,
+    check_median,
+    check_notes,
+    check_sigma,
+    is_finite,
+)
+from physic_core.types import AffineAmbiguity, DepthMap, Hints, Pointmap
+
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray, FloatArray, UInt8Array
+
+
+@dataclass(frozen=True)
+class MetricDepthRequest(Request[DepthMap]):
+    """Input of a MetricDepth: the inpainted photo and hints.
+
+    ``people``, ``keypoints`` and ``bodies`` of the hints are limited to people with a finite body.
+    """
+
+    hints: Hints = field(default_factory=Hints)
+
+
+class MetricDepth(Backend):
+    """Estimates a metric depth map of the inpainted photo (paper: DepthPro).
+
+    A depth has a scale of its own, and counts beside the people and all else of known size: by its ``scale_sigma``, or
+    0.1 without one. The depth is multiplied so that it has the scale of all. A backend whose ``reads`` names "scale"
+    gets in ``hints.scale`` what the others say, and its depth is used as it is. A backend that needs people, and gets
+    none, raises NoPersonError: the depth is then that of the scene.
+    """
+
+    interface = "metric_depth"
+    api = 1
+    Request = MetricDepthRequest
+    Result = DepthMap
+    sees = "inpainted"
+    hints = ("intrinsics", "people", "keypoints", "hole", "scene", "original", "floor", "scale", "bodies")
+
+    @abstractmethod
+    def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
+        """Estimate the depth of each pixel along z, in metres; NaN where unknown.
+
+        A network for a fixed focal length f sees a photo of another one, fx, at a wrong distance: multiply by fx / f.
+
+        Example: a wall straight ahead at 3 m has the depth 3.0 in all pixels, in the corners too.
+        """
+
+    @classmethod
+    def check(cls, result: DepthMap, request: MetricDepthRequest) -> Iterator[str]:
+        """Check depth (H, W), within limits or NaN, with at least one known pixel; camera, scale_sigma and notes."""
+        height, width = request.image.shape[:2]
+        wrong = list(check_array("depth", result.depth, (height, width), "float"))
+        yield from wrong
+        if not wrong:
+            known = result.depth[is_finite(result.depth)]
+            if not len(known):
+                yield "depth is NaN or infinite everywhere"
+            elif (known <= 0).any():
+                yield f"depth must be > 0 m or NaN, the smallest is {float(known.min()):g}"
+            else:
+                yield from check_median("depth", known, DEPTH_M, "m")
+        if result.scale_sigma is not None:
+            yield from check_sigma("scale_sigma", result.scale_sigma)
+        yield from check_camera(result.intrinsics, height, width)
+        yield from check_notes(result.notes)
+
+
+@dataclass(frozen=True)
+class RelativePointmapRequest(Request[Pointmap]):
+    """Input of a RelativePointmap: the inpainted or the original photo, and hints.
+
+    ``hole`` and ``photo`` of the hints are None for the original photo.
+    """
+
+    hints: Hints = field(default_factory=Hints)
+
+
+class RelativePointmap(Backend):
+    """Estimates a point map up to a scale, or up to a scale and an offset (paper: MoGe).
+
+    Called for the inpainted photo (``hints.hole`` is the inpainted region, ``hints.photo`` the original photo), then
+    for the original photo (both are None, ``hints.scene`` is the first result). Inpainted pixels are invented: cues of
+    the camera, such as straight lines, are better taken from ``hints.photo`` outside the hole.
+    """
+
+    interface = "relative_pointmap"
+    api = 1
+    Request = RelativePointmapRequest
+    Result = Pointmap
+    sees = "inpainted"
+    hints = ("intrinsics", "people", "keypoints", "hole", "photo")
+
+    @abstractmethod
+    def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
+        """Estimate a point map of an image; ``hints.intrinsics`` are used if given.
+
+        Example: with cx = 159.5, fx = 300 and z = 2, the point of column 159 has x = (159 - 159.5) / 300 * 2.
+        """
+
+    @classmethod
+    def check(cls, result: Pointmap, request: RelativePointmapRequest) -> Iterator[str]:
+        """Check points (H, W, 3), within limits and in front of the camera where valid; and the rest."""
+        height, width = request.image.shape[:2]
+        wrong = [
+            *check_array("points", result.points, (height, width, 3), "float"),
+            *check_array("valid", result.valid, (height, width), "bool"),
+        ]
+        yield from wrong
+        if not wrong:
+            yield from _check_points(result.points[result.valid])
+        if result.unknown not in get_args(AffineAmbiguity):
+            yield f"unknown must be one of {', '.join(get_args(AffineAmbiguity))}, got {result.unknown!r}"
+        if result.shift_sigma is not None and not 0 <= result.shift_sigma < math.inf:
+            yield f"shift_sigma must be finite and at least 0, or None, got {result.shift_sigma!r}"
+        if result.people_farther is not None and not _is_mean_and_sigma(result.people_farther):
+            yield f"people_farther must be a finite mean and a sigma > 0, or None, got {result.people_farther!r}"
+        yield from check_camera(result.intrinsics, height, width)
+        yield from check_notes(result.notes)
+
+
+def _is_mean_and_sigma(given: tuple[float, float]) -> bool:
+    try:
+        mean, sigma = given
+        return math.isfinite(mean) and 0 < sigma < math.inf
+    except (TypeError, ValueError):
+        return False
+
+
+def _check_points(points: FloatArray) -> Iterator[str]:
+    """Check the valid points (M, 3)."""
+    if not len(points):
+        yield "no pixel is valid"
+        return
+    not_finite = list(check_finite("points", points))
+    if not_finite:
+        yield from not_finite
+    elif (points[:, 2] <= 0).any():
+        share = float((points[:, 2] <= 0).mean())
+        yield f"z must be > 0 where valid (z forward), {share:.0%} of the valid points lie behind"
+    else:
+        yield from check_median("z", points[:, 2], RELATIVE_DEPTH)
+
+
+@dataclass(frozen=True)
+class InpainterRequest(Request["UInt8Array"]):
+    """Input of an Inpainter: the photo, and a mask (H, W) bool, True = remove."""
+
+    mask: BoolArray
+
+
+class Inpainter(Backend):
+    """Replaces the masked pixels of a photo by background (paper: OmniEraser)."""
+
+    interface = "inpainter"
+    api = 1
+    Request = InpainterRequest
+    Result = object
+
+    @abstractmethod
+    def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
+        """Replace the pixels where the mask is True; the other pixels and the size stay unchanged.
+
+        The mask is wider than the people by a margin: fill all of it, without blending at its border.
+
+        Example: ``np.where(mask[..., None], filled, image)``, where ``filled`` is the output of a network at the size
+        of the image.
+        """
+
+    @classmethod
+    def check(cls, result: UInt8Array, request: InpainterRequest) -> Iterator[str]:
+        """Check that the result is an image of the same size as the input."""
+        yield from check_array("image", result, (*request.image.shape[:2], 3), "uint8")

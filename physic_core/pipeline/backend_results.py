@@ -1,0 +1,222 @@
+"""Prepare results of backends: for the configured body model, without invalid people, and with the held objects.
+
+Functions on invalid people take a checked result, so that the pipeline continues with the other people. They return the
+result with the rows of people with invalid numbers replaced by values for "unknown", and a mask (N,) bool of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from physic_core.errors import BodyModelError
+from physic_core.interfaces.bodies import valid_body_rows, valid_contact_rows, valid_hand_rows
+from physic_core.interfaces.people import valid_keypoint_rows
+from physic_core.types import BodyParameters
+from physic_core.types.skeletons import SIDES
+
+if TYPE_CHECKING:
+    from physic_core.body.model import BodyModel
+    from physic_core.pipeline.stage_runner import StageRunner
+    from physic_core.types import Bodies, BoolArray, ContactProbability, FloatArray, Hands, Keypoints, People
+
+_SEEN = 0.3  # least confidence of a keypoint
+_HAND_LENGTH = 0.4  # from the wrist to the middle of the fingers, as a share of the forearm in the photo
+_REACH = 0.12  # of the longer side of a person's box: half the length of a hand and the errors of keypoints
+_LAP = np.linspace(0.2, 1.0, 5)  # along the thigh
+
+
+def replace_hands(bodies: Bodies, hands: Hands, model: BodyModel) -> Bodies:
+    """Replace the finger rotations of bodies by those of ``hands`` where their confidence is above 0.
+
+    If ``hands.wrists`` are given, forearms and wrists are rotated to fit the hands, weighted by confidence.
+    """
+    if hands.wrists is not None:
+        from physic_core.body.attach_hands import WRIST_RANGE, attach_hands
+
+        return replace(bodies, parameters=attach_hands(bodies.parameters, hands, model, WRIST_RANGE))
+    p, found = bodies.parameters, hands.confidence > 0
+    flat = hands.rotvecs.reshape(len(p), 2, 45).astype(p.left_hand_pose.dtype)
+    left = np.where(found[:, :1], flat[:, 0], p.left_hand_pose)
+    right = np.where(found[:, 1:], flat[:, 1], p.right_hand_pose)
+    return replace(bodies, parameters=replace(p, left_hand_pose=left, right_hand_pose=right))
+
+
+def convert_to_configured(bodies: Bodies, model: BodyModel, who: str, stages: StageRunner) -> Bodies:
+    """Convert bodies to the configured body model, and add a note with the conversion error.
+
+    Raises:
+        BodyModelError: the bodies have neither joints nor mesh, or too few joints for all people.
+    """
+    from physic_core.body.convert.bodies import can_convert, convert_with_residuals
+    from physic_core.cache.correspondences import cached_correspondence
+
+    if not can_convert(bodies, model):
+        cure = "name = 'embedded'" if bodies.body_model == "embedded" else f"path = the file of a '{bodies.body_model}'"
+        raise BodyModelError(
+            f"{who} gives bodies for the body model '{bodies.body_model}', "
+            f"but the configuration loads '{model.name}': set [body_model] {cure}, "
+            f"or choose a body_estimator that gives '{model.name}'"
+        )
+    try:
+        found = convert_with_residuals(bodies, model, cached_correspondence)
+    except BodyModelError as error:
+        raise BodyModelError(f"{who}: {error}") from error
+    if not valid_body_rows(found.bodies).any():
+        raise BodyModelError(
+            f"{who} gives bodies for the body model '{bodies.body_model}' with too few joints to convert them to "
+            f"'{model.name}': both hips, and both shoulders or the neck, are needed for at least one person"
+        )
+    stages.note(found.note(bodies.body_model))
+    return found.bodies
+
+
+def transfer_contact(
+    contact: ContactProbability, model: BodyModel, who: str, stages: StageRunner
+) -> ContactProbability | None:
+    """Transfer contact probabilities to the mesh of the configured body model; None and a warning on failure."""
+    from physic_core.body.convert.bodies import convert_contact
+    from physic_core.cache.correspondences import cached_correspondence
+
+    try:
+        carried = convert_contact(contact, model, cached_correspondence)
+    except BodyModelError as error:
+        stages.warn(f"{who}: {error}; contact is computed from distances only")
+        return None
+    stages.note(f"contact transferred from the mesh '{contact.topology}' to '{model.topology}'")
+    return carried
+
+
+def bodies_for_backends(bodies: Bodies, model: BodyModel) -> Bodies:
+    """Add joints to bodies for other backends, unless all backends can load the body model ("embedded")."""
+    if model.name == "embedded":
+        return bodies
+    from physic_core.body.convert.bodies import replace_mesh_with_joints
+
+    return replace_mesh_with_joints(bodies, model)
+
+
+def discard_invalid_keypoints(keypoints: Keypoints) -> tuple[Keypoints, BoolArray]:
+    """Set the confidence of people with invalid keypoints to 0.
+
+    Their points are replaced by those of another person, since the optimisation needs finite start points that form a
+    pose.
+
+    Returns:
+        Keypoints of N people, and (N,) bool, people with invalid ones.
+    """
+    valid = valid_keypoint_rows(keypoints)
+    if valid.all():
+        return keypoints, ~valid
+    one = int(valid.argmax())
+    confidence = np.where(valid[:, None], keypoints.confidence, 0)
+    given = {name: getattr(keypoints, name) for name in ("points", "world", "sigma", "depth_sigma")}
+    rows = np.where(valid, np.arange(len(valid)), one)
+    others = {name: value[rows] for name, value in given.items() if value is not None}
+    return replace(keypoints, confidence=confidence, **others), ~valid
+
+
+def discard_invalid_bodies(bodies: Bodies) -> tuple[Bodies, BoolArray]:
+    """Set all values of invalid bodies to NaN; also return the mask (N,) bool of these bodies."""
+    invalid = ~valid_body_rows(bodies)
+    if not invalid.any():
+        return bodies, invalid
+    names = [field.name for field in fields(BodyParameters)]
+    blank = replace(bodies, parameters=_fill_rows(bodies.parameters, invalid, **dict.fromkeys(names, np.nan)))
+    mesh = None if bodies.mesh is None else _fill_rows(bodies.mesh, invalid, vertices=np.nan)
+    return _fill_rows(replace(blank, mesh=mesh), invalid, joints=np.nan), invalid
+
+
+def discard_invalid_hands(hands: Hands) -> tuple[Hands, BoolArray]:
+    """Set the confidence of invalid hands to 0; also return the mask (N,) bool of people with such hands."""
+    invalid = ~valid_hand_rows(hands)
+    return (_fill_rows(hands, invalid, rotvecs=0.0, confidence=0.0, wrists=0.0) if invalid.any() else hands), invalid
+
+
+def expand_contact(contact: ContactProbability, called: BoolArray) -> tuple[ContactProbability, BoolArray]:
+    """Expand contact of some people to all N people, with 0 for the others and for invalid rows.
+
+    Args:
+        contact: of the people selected by ``called``.
+        called: (N,) bool.
+
+    Returns:
+        Contact of N people, and (N,) bool, people with invalid rows.
+    """
+    probability = contact.probability
+    valid = valid_contact_rows(contact)
+    invalid = np.zeros(len(called), bool)
+    invalid[called] = ~valid
+    expanded = np.zeros((len(called), probability.shape[1]), probability.dtype)
+    expanded[called & ~invalid] = probability[valid]
+    return replace(contact, probability=expanded), invalid
+
+
+def _fill_rows(result: Any, invalid: BoolArray, **blanks: float) -> Any:
+    """Return a copy of a result with the rows of some people set to one number per field."""
+    changed = {}
+    for name, blank in blanks.items():
+        value = getattr(result, name)
+        if value is not None:
+            changed[name] = value.copy()
+            changed[name][invalid] = blank
+    return replace(result, **changed)
+
+
+def select_held_objects(people: People, keypoints: Keypoints) -> BoolArray | None:
+    """Return the objects (K, H, W) bool that lie near a visible hand or lap, without the pixels of people.
+
+    Args:
+        people: of the photo, with or without objects.
+        keypoints: of the same people.
+
+    Returns:
+        None if the segmenter does not look for objects.
+    """
+    import cv2
+
+    if people.objects is None:
+        return None
+    visible = people.objects & ~people.masks.any(axis=0)
+    held = []
+    for mask in visible:
+        if not mask.any():
+            continue
+        away = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 5)
+        if any(_is_near(away, points, reach) for points, reach in _hands_and_laps(people, keypoints)):
+            held.append(mask)
+    return np.array(held, bool).reshape(-1, *visible.shape[1:])
+
+
+def _hands_and_laps(people: People, keypoints: Keypoints) -> list[tuple[FloatArray, float]]:
+    """Return for each person points (M, 2) px on visible hands and thighs, and the reach around them, px."""
+    names = keypoints.joint_set.names
+    found: list[tuple[FloatArray, float]] = []
+    for i, box in enumerate(np.asarray(people.boxes, np.float64)):
+        seen = {
+            name: keypoints.points[i, j].astype(np.float64)
+            for j, name in enumerate(names)
+            if keypoints.confidence[i, j] > _SEEN
+        }
+        points = []
+        for side in SIDES:
+            wrist, elbow, hip, knee = (seen.get(f"{side}_{joint}") for joint in ("wrist", "elbow", "hip", "knee"))
+            if wrist is not None:
+                forearm = np.zeros(2) if elbow is None else wrist - elbow
+                points += [wrist, wrist + _HAND_LENGTH * forearm]
+            if hip is not None and knee is not None:
+                points += list(hip + _LAP[:, None] * (knee - hip))
+        reach = _REACH * float(max(box[2] - box[0], box[3] - box[1]))
+        found.append((np.array(points, np.float64).reshape(-1, 2), reach))
+    return found
+
+
+def _is_near(away: FloatArray, points: FloatArray, reach: float) -> bool:
+    """Return whether one of the points (M, 2) px is within ``reach`` of a mask at distance ``away`` (H, W) px."""
+    height, width = away.shape
+    pixel = np.rint(points).astype(np.int64)
+    inside = ((pixel >= 0) & (pixel < (width, height))).all(axis=1)
+    column, row = pixel[inside].T
+    return bool((away[row, column] <= reach).any())
