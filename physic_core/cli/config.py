@@ -34,13 +34,7 @@ def toml_value(value: Any) -> str:
     return text.encode(errors="backslashreplace").decode()
 
 
-_COMMANDS = {
-    "check": ("physic_core.cli.config:check", "Check a configuration, and list what is missing on this machine."),
-    "show": ("physic_core.cli.config:show_config", "Print the resolved configuration and the source of each value."),
-}
-
-
-@click.group(cls=ExtensibleGroup, path="config", own=_COMMANDS)
+@click.group(cls=ExtensibleGroup, path="config")
 def config() -> None:
     """Check, show or create a configuration."""
 
@@ -51,7 +45,7 @@ def _source_arguments(command: Callable[..., None]) -> Callable[..., None]:
     return file(preset_options(command))
 
 
-@click.command()
+@config.command()
 @_source_arguments
 @click.pass_context
 def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> None:
@@ -92,7 +86,7 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
     ctx.exit(WEIGHTS if files else USAGE if device else 0)
 
 
-@click.command("show")
+@config.command("show")
 @_source_arguments
 @click.option("--all", "with_defaults", is_flag=True, help="Also print the default values of backends and engine.")
 def show_config(file: Path | None, preset: str | None, overrides: tuple[str, ...], with_defaults: bool) -> None:

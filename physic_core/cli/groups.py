@@ -21,7 +21,7 @@ class ExtensibleGroup(click.Group):
 
     Args:
         path: the words after ``physic`` that call the group; empty for ``physic`` itself.
-        own: "package.module:function" and summary of each command of the core, by name.
+        own: "package.module:function" and summary, by name, of each command of the core that is imported when it runs.
     """
 
     def __init__(
@@ -37,13 +37,13 @@ class ExtensibleGroup(click.Group):
         added: dict[str, Found[PluginItem]] = {}
         for command in find_items("physic_commands"):
             path, _, name = command.record.name.rpartition(" ")
-            if path == self.path and name not in self.own:
+            if path == self.path and name not in self.own and name not in self.commands:
                 added.setdefault(name, command)
         return added
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of all commands, including those of plugins."""
-        return sorted({*self.own, *self._plugin_commands()})
+        return sorted({*self.own, *self.commands, *self._plugin_commands()})
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import and return a command of the core or of a plugin, or None if no command has this name.
@@ -55,10 +55,10 @@ class ExtensibleGroup(click.Group):
             module, _, attribute = self.own[cmd_name][0].partition(":")
             own: click.Command = getattr(import_module(module), attribute)
             return own
+        if cmd_name in self.commands:
+            return self.commands[cmd_name]
         command = self._plugin_commands().get(cmd_name)
-        if command is None:
-            return None
-        return _load(command)
+        return None if command is None else _load(command)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -83,6 +83,8 @@ class ExtensibleGroup(click.Group):
         """Write the list of commands and their summaries."""
         summaries = {name: command.record.summary for name, command in self._plugin_commands().items()}
         summaries |= {name: summary for name, (_, summary) in self.own.items()}
+        for name, command in self.commands.items():
+            summaries[name] = " ".join((command.help or "").partition("\n\n")[0].split())
         with formatter.section("Commands"):
             formatter.write_dl(sorted(summaries.items()))
 

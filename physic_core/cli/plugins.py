@@ -8,17 +8,11 @@ from physic_core.cli.arguments import require_interface, with_current_folder
 from physic_core.cli.groups import ExtensibleGroup
 from physic_core.cli.output import echo, echo_json
 
-_COMMANDS = {
-    "list": ("physic_core.cli.plugins:list_plugins", "List installed backends, as `physic plugins` does."),
-    "show": ("physic_core.cli.plugins:show_plugin", "Show the options, licence and source of a backend."),
-}
-
-
 _INTERFACE = click.option("--interface", metavar="NAME", help="Only backends of this interface.")
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 
 
-@click.group(cls=ExtensibleGroup, path="plugins", own=_COMMANDS, invoke_without_command=True)
+@click.group(cls=ExtensibleGroup, path="plugins", invoke_without_command=True)
 @_INTERFACE
 @_JSON
 @click.pass_context
@@ -28,7 +22,7 @@ def plugins(ctx: click.Context, interface: str | None, as_json: bool) -> None:
         _list(interface, as_json)
 
 
-@click.command("list")
+@plugins.command("list")
 @_INTERFACE
 @_JSON
 def list_plugins(interface: str | None, as_json: bool) -> None:
@@ -46,7 +40,7 @@ def _list(interface: str | None, as_json: bool) -> None:
         echo(plugins_table(interface))
 
 
-@click.command("show")
+@plugins.command("show")
 @click.argument("name")
 def show_plugin(name: str) -> None:
     """Show the options, licence and source of the backends called NAME."""

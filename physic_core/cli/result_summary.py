@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shutil
 import sys
 import textwrap
@@ -19,7 +18,7 @@ from physic_core.io.result_folder import DOCUMENT_FILE, REPORT_FILE
 from physic_core.io.results import PersonRecord, ResultRecord, read_record
 from physic_core.types import CheckResult, summarize_checks
 from physic_core.types.contacts import part_words
-from physic_core.types.person_rows import metres_text
+from physic_core.types.person_rows import distance_m, metres_text, spread_m
 
 _HEAD = ("person", "grade", "distance", "likely contact", "why")
 _MIN_WIDTH = 30  # characters of the last column, on a narrow terminal
@@ -65,10 +64,10 @@ def summary_record(record: ResultRecord, folder: Path) -> dict[str, Any]:
         {
             "person": person.index,
             "grade": person.grade,
-            "distance_m": _distance(person),
-            "distance_sigma_m": _times(_distance(person), person.distance_sigma),
+            "distance_m": distance_m(person.pelvis),
+            "distance_sigma_m": spread_m(distance_m(person.pelvis), person.distance_sigma),
             "stature_m": person.stature,
-            "stature_sigma_m": _times(person.stature, person.stature_sigma),
+            "stature_sigma_m": spread_m(person.stature, person.stature_sigma),
             "contact_vertices": person.contact_count,
             "vertices": person.vertex_count,
             "contacts": person.contacts,
@@ -138,7 +137,7 @@ def summary_text(
 
 
 def _row(person: PersonRecord, record: ResultRecord) -> tuple[str, ...]:
-    distance = _distance(person)
+    distance = distance_m(person.pelvis)
     place = "-" if distance is None else metres_text(distance, person.distance_sigma, 1)
     return str(person.index), person.grade or "-", place, _contact(person), _reason(person, record.checks)
 
@@ -148,7 +147,7 @@ def _contact(person: PersonRecord) -> str:
 
     For a result that does not state what is touched: "12 % of the body".
     """
-    if _distance(person) is None:
+    if distance_m(person.pelvis) is None:
         return "-"
     percent = 100 / max(1, person.vertex_count)
     if not person.states_partners:
@@ -171,17 +170,6 @@ def _reason(person: PersonRecord, checks: Sequence[CheckResult]) -> str:
     if own and person.grade != "good":
         return f"not measured: {', '.join(check.title for check in own)}"
     return "-" if person.support is None else str(person.support)
-
-
-def _distance(person: PersonRecord) -> float | None:
-    """Return the distance of a person's pelvis from the camera, metres; None without a body."""
-    pelvis = person.pelvis
-    return math.hypot(*pelvis) if pelvis is not None and all(map(math.isfinite, pelvis)) else None
-
-
-def _times(metres: float | None, log_sigma: float | None) -> float | None:
-    """Return the standard deviation of a length, metres, from that of its logarithm; None if one is not known."""
-    return None if metres is None or log_sigma is None else metres * log_sigma
 
 
 def _table(rows: Sequence[tuple[str, ...]], width: int | None) -> str:

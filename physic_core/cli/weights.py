@@ -20,18 +20,11 @@ if TYPE_CHECKING:
     from physic_core.cache.folders import CacheFile, LruFolder
     from physic_core.weights.library import ListedWeights
 
-_COMMANDS = {
-    "list": (
-        "physic_core.cli.weights:list_weights",
-        "List all weight sets: size, licence, and whether they are installed.",
-    ),
-    "verify": ("physic_core.cli.weights:verify", "Compare files with their published sizes and SHA-256."),
-}
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 _USE = {True: "yes", False: "NO", None: "not stated"}
 
 
-@click.group(cls=ExtensibleGroup, path="weights", own=_COMMANDS)
+@click.group(cls=ExtensibleGroup, path="weights")
 def weights() -> None:
     """List, download and verify the weights that plugins need.
 
@@ -40,7 +33,7 @@ def weights() -> None:
     """
 
 
-@click.command("list")
+@weights.command("list")
 @click.option("--missing", is_flag=True, help="Only sets that are missing, incomplete or of unexpected size.")
 @_JSON
 def list_weights(missing: bool, as_json: bool) -> None:
@@ -71,7 +64,7 @@ def list_weights(missing: bool, as_json: bool) -> None:
     echo(format_table(rows) if len(rows) > 1 else "nothing is missing" if missing else "no plugin lists weights")
 
 
-@click.command()
+@weights.command()
 @click.argument("names", nargs=-1, metavar="[NAME...]")
 @_JSON
 @click.pass_context

@@ -37,13 +37,11 @@ class ArrayHeader:
     Attributes:
         dtype: of the array.
         shape: of the array.
-        is_fortran: whether columns are stored one after the other.
         offset: of the first number in the member, bytes.
     """
 
     dtype: np.dtype[Any]
     shape: tuple[int, ...]
-    is_fortran: bool
     offset: int
 
 
@@ -145,7 +143,7 @@ def _parse_header(member: IO[bytes], size: int) -> ArrayHeader:
         raise ValueError(f"an array is in version {version} of numpy's format")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of headers that Python 2 wrote, which numpy reads with a warning
-        shape, is_fortran, dtype = _HEADERS[version](member)
+        shape, _, dtype = _HEADERS[version](member)
     if dtype.hasobject:
         raise ObjectArrayError("an array holds Python objects")
     if dtype.fields is not None or dtype.subdtype is not None or min(shape, default=0) < 0:
@@ -153,7 +151,7 @@ def _parse_header(member: IO[bytes], size: int) -> ArrayHeader:
     offset = member.tell()
     if math.prod(shape) * dtype.itemsize != size - offset:
         raise ValueError(f"an array of {size - offset} bytes should have {math.prod(shape) * dtype.itemsize}")
-    return ArrayHeader(dtype, shape, is_fortran, offset)
+    return ArrayHeader(dtype, shape, offset)
 
 
 def _array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[Any]:

@@ -124,10 +124,6 @@ def parse_json(content: bytes | str) -> Any:
     raise ValueError(_TOO_DEEP)
 
 
-def _items(value: dict[str, Any] | list[Any]) -> Iterable[Any]:
-    return value.values() if isinstance(value, dict) else value
-
-
 def _refuse(word: str) -> Any:
     raise ValueError(f"{word} is not a JSON number")
 

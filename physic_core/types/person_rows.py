@@ -46,9 +46,9 @@ def person_rows(result: Reconstruction) -> list[dict[str, Any]]:
                 "grade": str(person.grade or ""),
                 "why": _why(person, [check for check in result.checks if check.person == index]),
                 "distance_m": _millimetres(distance),
-                "distance_sigma_m": _millimetres(_times(distance, sigma)),
+                "distance_sigma_m": _millimetres(spread_m(distance, sigma)),
                 "stature_m": _millimetres(person.stature),
-                "stature_sigma_m": _millimetres(_times(person.stature, person.stature_sigma)),
+                "stature_sigma_m": _millimetres(spread_m(person.stature, person.stature_sigma)),
                 "contacts": _contacts(person, assumed=False),
                 "assumed": _contacts(person, assumed=True),
             }
@@ -71,11 +71,17 @@ def _why(person: Person, checks: Sequence[CheckResult]) -> str:
 
 def pelvis_distance_m(person: Person) -> float | None:
     """Return the distance of a person's pelvis from the camera, metres; None without a body."""
-    pelvis = person.joints[0].tolist() if len(person.joints) else [math.nan]
-    return math.hypot(*pelvis) if all(map(math.isfinite, pelvis)) else None
+    return distance_m(person.joints[0].tolist() if len(person.joints) else None)
 
 
-def _times(metres: float | None, log_sigma: float | None) -> float | None:
+def distance_m(point: Sequence[float] | None) -> float | None:
+    """Return the distance of a point x, y, z from the camera, metres; None for None and for a point that is not
+    finite."""
+    return math.hypot(*point) if point is not None and all(map(math.isfinite, point)) else None
+
+
+def spread_m(metres: float | None, log_sigma: float | None) -> float | None:
+    """Return the standard deviation of a length, metres, from that of its logarithm; None if one is not known."""
     return None if metres is None or log_sigma is None else metres * log_sigma
 
 

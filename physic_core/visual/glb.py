@@ -215,7 +215,6 @@ def build_glb(
     skins: Mapping[int, Rig],
     look: Callable[[GlbBuilder, int, ExportRequest], Appearance],
     reason: str = "",
-    camera: bool = True,
 ) -> GlbBuilder:
     """Return a GLB file of the people of a request.
 
@@ -225,7 +224,6 @@ def build_glb(
         skins: person -> rig, of those that get a skeleton.
         look: called with the file, to which it can add textures, and the person.
         reason: why others get no skeleton.
-        camera: whether to write the cameras of the photos.
     """
     glb, result, frame = GlbBuilder(generator="PhySIC"), request.result, request.frame
     nodes: list[int] = []
@@ -234,8 +232,7 @@ def build_glb(
         nodes += _add_floor(glb, background, request)
     for index in request.people:
         nodes += _add_person(glb, index, request, skins.get(index), look(glb, index, request))
-    if camera:
-        nodes.append(_add_camera(glb, result.intrinsics, camera_pose(frame)))
+    nodes.append(_add_camera(glb, result.intrinsics, camera_pose(frame)))
     extras = {
         "units": "metres",
         "axes": frame.axes,

@@ -109,10 +109,10 @@ def contact_strength(person: Person) -> NDArray[np.float64]:
     return touching * np.where(probability >= 0.5, 1.0, 0.5 * probability)
 
 
-def painted_contact(person: Person, partners: Sequence[ContactPartner], body: _Rgb = BODY_RGB) -> UInt8Array:
+def painted_contact(person: Person, partners: Sequence[ContactPartner]) -> UInt8Array:
     """Return the colours (V, 3) of :func:`contact_colors`, faint where contact is less likely than not."""
-    colors, strength = contact_colors(person, partners, body), contact_strength(person)[:, None]
-    painted: UInt8Array = np.round(strength * colors + (1 - strength) * np.array(body)).astype(np.uint8)
+    colors, strength = contact_colors(person, partners), contact_strength(person)[:, None]
+    painted: UInt8Array = np.round(strength * colors + (1 - strength) * np.array(BODY_RGB)).astype(np.uint8)
     return painted
 
 
