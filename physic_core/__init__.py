@@ -25,8 +25,8 @@ from physic_core.errors import (
 if TYPE_CHECKING:
     from physic_core.configuration.model import Config, engine_preset, engine_preset_names, load_config
     from physic_core.discovery.backends import find_backend, list_backends
-    from physic_core.discovery.exporters import find_exporter, find_exporters
     from physic_core.discovery.hooks import ExporterRecord, PluginItem, hookimpl
+    from physic_core.discovery.plugins import find_exporter, find_exporters
     from physic_core.io.result_folder import save_report
     from physic_core.io.results import load_people, load_reconstruction, save_reconstruction
     from physic_core.pipeline.run import Pipeline, reconstruct
@@ -93,7 +93,7 @@ __all__ = [
 _NAMES = {
     "physic_core.configuration.model": "Config engine_preset engine_preset_names load_config",
     "physic_core.discovery.backends": "find_backend list_backends",
-    "physic_core.discovery.exporters": "find_exporter find_exporters",
+    "physic_core.discovery.plugins": "find_exporter find_exporters",
     "physic_core.discovery.hooks": "ExporterRecord PluginItem hookimpl",
     "physic_core.io.result_folder": "save_report",
     "physic_core.io.results": "load_people load_reconstruction save_reconstruction",

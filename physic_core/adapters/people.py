@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.types import People
-from physic_core.types.per_person import select_people
+from physic_core.types.arrays import select_people
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -16,7 +16,7 @@ from physic_core.errors import BodyModelError
 from physic_core.geometry.coarse_mesh import CoarseMesh, coarse_mesh
 from physic_core.geometry.mesh import faces_of_vertices
 from physic_core.geometry.tensors import to_device
-from physic_core.types.per_person import PER_PERSON
+from physic_core.types.arrays import PER_PERSON
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import Skeleton, skeleton_named
 

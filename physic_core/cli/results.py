@@ -141,8 +141,7 @@ def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
         return
     from physic_core.cli.output import format_table
     from physic_core.discovery.catalog import EXPORTERS
-    from physic_core.discovery.exporters import find_exporters
-    from physic_core.discovery.plugins import explain_absence
+    from physic_core.discovery.plugins import explain_absence, find_exporters
 
     rows = [("format", "suffix", "for", "content", "needs")]
     for exporter in find_exporters():
@@ -192,7 +191,7 @@ def export(
     **options: Any,
 ) -> None:
     """Export the result in folder OUT to a format of another program."""
-    from physic_core.discovery.exporters import find_exporter
+    from physic_core.discovery.plugins import find_exporter
 
     if name is None and path is None:
         raise click.UsageError("no format given: name one with --to, or a file with -o; --list prints the formats")

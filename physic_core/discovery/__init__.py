@@ -1,6 +1,6 @@
 """Find what installed plugins offer: backends by entry points, and what else they add by hooks.
 
-Other packages use :mod:`.backends`, :mod:`.plugins`, :mod:`.hooks`, :mod:`.exporters`, :mod:`.local_modules`,
+Other packages use :mod:`.backends`, :mod:`.plugins`, :mod:`.hooks`, :mod:`.local_modules`,
 :mod:`.plugin_code` and the versions of :mod:`.entry_points`; the other modules are for them, but for messages
 (:mod:`.error_text`, :mod:`.catalog`).
 """

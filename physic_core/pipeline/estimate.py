@@ -55,8 +55,8 @@ from physic_core.types import (
     People,
     Pointmap,
 )
+from physic_core.types.arrays import select_people
 from physic_core.types.known_sizes import KnownPeople
-from physic_core.types.per_person import select_people
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
@@ -73,19 +73,6 @@ if TYPE_CHECKING:
 
 SIZES_OF_ADULTS = "sizes assume adults; for a child give --age"
 """Note of a result with people and no known size."""
-
-
-@dataclass(frozen=True)
-class ChosenByUser:
-    """The user's choices and known sizes, in px of the image.
-
-    Attributes:
-        people: whom to reconstruct; None for all people.
-        known: sizes.
-    """
-
-    people: PeoplePrompt | None = None
-    known: KnownSizes = field(default_factory=KnownSizes)
 
 
 @dataclass(frozen=True)
@@ -144,7 +131,8 @@ def run_backends(
     plan: ResolvedPipeline,
     load_model: Callable[[], BodyModel],
     stages: StageRunner,
-    chosen: ChosenByUser | None = None,
+    prompt: PeoplePrompt | None = None,
+    sizes: KnownSizes | None = None,
 ) -> Estimates:
     """Run all backends on a photo.
 
@@ -154,7 +142,8 @@ def run_backends(
         plan: the backends and settings of the run.
         load_model: returns the body model that all bodies are converted to; not called before the bodies are estimated.
         stages: calls the backends and records the run.
-        chosen: by the user; None for all people and no known size.
+        prompt: whom to reconstruct, px of the image; None for all people.
+        sizes: that the user knows, px of the image.
 
     Raises:
         InputError: the number of known statures differs from that of the people.
@@ -163,10 +152,10 @@ def run_backends(
         BackendOutputError: a required backend returned an invalid result.
     """
     run = _BackendCalls(plan.backends, load_model, stages)
-    chosen = chosen or ChosenByUser()
-    people = run.people(image, chosen.people, required=plan.photo.require_people)
-    known = _known_people(chosen, people)
-    if len(people) and not chosen.known:
+    sizes = sizes or KnownSizes()
+    people = run.people(image, prompt, required=plan.photo.require_people)
+    known = _known_people(sizes, people, chosen=prompt is not None)
+    if len(people) and not sizes:
         stages.note(SIZES_OF_ADULTS)
     keypoints = run.keypoints(image, people)
 
@@ -214,18 +203,18 @@ def run_backends(
         objects=objects,
         ages=known.years,
         scale_guess=found.warning if own is None and depth.scale_sigma is None else "",
-        known=chosen.known,
+        known=sizes,
         statures=known.stature,
     )
 
 
-def _known_people(chosen: ChosenByUser, people: People) -> KnownPeople:
-    """Return what the user knows about the people."""
-    if not any(chosen.known.age) and not any(chosen.known.stature):
+def _known_people(sizes: KnownSizes, people: People, *, chosen: bool) -> KnownPeople:
+    """Return what the user knows about the people, in their order if ``chosen``, else from left to right."""
+    if not any(sizes.age) and not any(sizes.stature):
         return KnownPeople()
     from physic_core.pipeline.known_people import known_people
 
-    return known_people(chosen.known, people, chosen=chosen.people is not None)
+    return known_people(sizes, people, chosen=chosen)
 
 
 @dataclass(frozen=True)

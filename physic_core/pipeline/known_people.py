@@ -14,8 +14,8 @@ from physic_core.body.parameters import rotations_from_parameters
 from physic_core.engine.sizes import resize_bodies
 from physic_core.errors import InputError, NoPersonError
 from physic_core.geometry.tensors import tensor
+from physic_core.types.arrays import select_people
 from physic_core.types.known_sizes import KnownPeople
-from physic_core.types.per_person import select_people
 
 if TYPE_CHECKING:
     from torch import Tensor

@@ -311,7 +311,7 @@ def _reconstruct(
     from physic_core.adapters.devices import limited_threads
     from physic_core.adapters.onnx_sessions import release_memory
     from physic_core.body import load_body
-    from physic_core.pipeline.estimate import ChosenByUser, run_backends
+    from physic_core.pipeline.estimate import run_backends
 
     @cache
     def load_model() -> BodyModel:
@@ -322,8 +322,9 @@ def _reconstruct(
     stages.note(*photo.notes)
     with limited_threads(plan.config.run.threads):
         try:
-            chosen = ChosenByUser(prepared.people, prepared.known)
-            estimates = run_backends(photo.image, photo.intrinsics, plan, load_model, stages, chosen)
+            estimates = run_backends(
+                photo.image, photo.intrinsics, plan, load_model, stages, prepared.people, prepared.known
+            )
         finally:
             if close:
                 stages.close()

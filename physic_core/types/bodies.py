@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING
 
-from physic_core.types.arrays import shape
-from physic_core.types.per_person import PER_PERSON
+from physic_core.types.arrays import PER_PERSON, shape
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:

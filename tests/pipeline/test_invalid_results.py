@@ -16,7 +16,7 @@ from physic_core.errors import BackendOutputError
 from physic_core.io.results import read_record
 from physic_core.pipeline.backend_results import discard_invalid_hands, discard_invalid_keypoints
 from physic_core.types import Hands, Keypoints, Person, Reconstruction
-from physic_core.types.per_person import select_people
+from physic_core.types.arrays import select_people
 from physic_mock import backends
 from physic_testing.worlds import World, build_world
 

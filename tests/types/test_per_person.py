@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from physic_core.types import Bodies, BodyParameters, ContactProbability, Hands, Keypoints, Mesh, People
-from physic_core.types.per_person import PER_PERSON, select_people
+from physic_core.types.arrays import PER_PERSON, select_people
 
 N = 3
 LAST_TWO = np.array([False, True, True])

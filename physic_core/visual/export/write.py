@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.discovery.exporters import find_exporter
 from physic_core.discovery.hooks import ExporterRecord
-from physic_core.discovery.plugins import Found, call_item
+from physic_core.discovery.plugins import Found, call_item, find_exporter
 from physic_core.errors import InputError, OutputError, PluginError
 from physic_core.files.atomic import atomic_write, check_writable, open_regular
 from physic_core.types.records import Exported, ExportedFiles

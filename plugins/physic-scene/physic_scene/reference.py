@@ -26,7 +26,7 @@ from physic_core.types import (
     KnownSizes,
     PeoplePrompt,
 )
-from physic_core.types.per_person import select_people
+from physic_core.types.arrays import select_people
 from physic_core.types.short_repr import ShortRepr
 from physic_scene.energy import OtherViews, with_other_views
 from physic_scene.given import SolvedBodies, SolvedDepth

@@ -12,7 +12,7 @@ from physic_core.body import JOINT_INDEX
 from physic_core.engine.sizes import adult_shape
 from physic_core.engine.stance import touch_in_picture
 from physic_core.geometry.rotations import rotvec_to_rotmat
-from physic_core.types.per_person import PER_PERSON, select_people
+from physic_core.types.arrays import PER_PERSON, select_people
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices
 from physic_embedded.body_fit.pose_prior import MAX_HINGE_ANGLE, hinge_joints, pose_prior, relaxed_finger_pose
 
