@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, get_origin, get_type_hints
 
 from pydantic import (
     AfterValidator,
@@ -44,9 +44,6 @@ from physic_core.errors import ConfigError, PluginError
 from physic_core.files.text import quoted
 from physic_core.interfaces import INTERFACES
 from physic_core.types import KnownLength, KnownSizes
-
-if TYPE_CHECKING:
-    from physic_core.engine.settings import EngineSettings
 
 DEFAULT_PRESET = "embedded"
 OPTIONAL_INTERFACES = ("hand_estimator", "contact_prior")

@@ -26,7 +26,7 @@ from physic_core.interfaces.checks import (
 from physic_core.types import Bodies, BodyParameters, ContactProbability, Hands, Hints, Mesh, RestMesh
 
 if TYPE_CHECKING:
-    from physic_core.types import Bodies, BoolArray, Intrinsics, Keypoints, People, UInt8Array
+    from physic_core.types import BoolArray, Intrinsics, Keypoints, People, UInt8Array
 
 _JOINTS = 55  # of SMPL-X
 _ROTATIONS = 22  # of pelvis and body joints

@@ -25,7 +25,7 @@ from physic_core.interfaces.checks import (
 from physic_core.types import SURFACE_NAMES, Keypoints, People, Skeleton, SurfaceLabels, UnposedPerson, skeleton_named
 
 if TYPE_CHECKING:
-    from physic_core.types import BoolArray, FloatArray, People, PeoplePrompt, UInt8Array
+    from physic_core.types import BoolArray, FloatArray, PeoplePrompt, UInt8Array
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from physic_core.configuration.model import PhotoSettings
-    from physic_core.io.photo import Photo
     from physic_core.types import BoolArray, FloatArray
 
     Move = Callable[[FloatArray], FloatArray]

@@ -27,7 +27,7 @@ from physic_core.types import CameraTrust, Intrinsics, Reconstruction
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from typing import Any, Self
 
     from physic_core.body.model import BodyModel

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from physic_core.cache.results import CacheKey, ResultCache
     from physic_core.configuration.resolve import ResolvedBackend
     from physic_core.interfaces import Backend, Request
-    from physic_core.weights.lock import FileUse
 
 Progress = Callable[[str, int, int], None]
 """Called at the start of a stage with its name, its number from 0, and the number of stages."""

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from physic_core.types import Reconstruction
 
     Array = NDArray[np.float64]
-    import numpy as np
 
 FULL_FACING, NO_FACING = 0.45, 0.15
 """Cosines between normal and ray to the camera: the photo has full weight above the first, none below the second."""
