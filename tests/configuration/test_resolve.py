@@ -102,13 +102,6 @@ def test_a_third_party_with_the_names_of_a_preset_does_not_break_the_preset(site
     assert resolve(load_config(preset=preset, overrides=["inpainter.backend=telea"]))
 
 
-def test_a_method_that_takes_other_arguments_is_found_before_it_is_called(own):
-    kind = type("Own", (backend("inpainter"),), {"infer": lambda self, image: image})
-    own(inpainter=kind)
-    message = refusal(config(), BackendError)
-    assert "has infer(self, image), which should take image, mask" in message
-
-
 @pytest.mark.parametrize(
     "infer",
     [
@@ -135,10 +128,3 @@ def test_a_constructor_that_fails_is_named(own, fault: BaseException, said: str)
     own(inpainter=kind)
     with pytest.raises(BackendError, match=rf"inpainter 'own' \(physic-mine 0.2\) .*{said}"):
         resolve(config())
-
-
-def test_a_class_that_lacks_a_method_is_refused(own):
-    kind = type("Own", (interfaces.Inpainter,), {})
-    own(inpainter=kind)
-    message = refusal(config(), BackendError)
-    assert "has no method infer" in message

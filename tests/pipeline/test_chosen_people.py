@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from physic_core import load_config, reconstruct
-from physic_core.errors import BackendOutputError, ConfigError, InputError, NoPersonError
+from physic_core.errors import BackendOutputError, InputError, NoPersonError
 from physic_core.interfaces import SegmenterRequest
 from physic_core.pipeline.known_people import person_at_point, select_chosen
 from physic_core.types import Keypoints, People, PeoplePrompt
@@ -118,15 +118,3 @@ def test_the_prompt_is_an_argument_of_infer_only_if_there_is_one() -> None:
     assert SegmenterRequest(image).arguments == (image,)
     prompt = PeoplePrompt(points=((1, 1),))
     assert SegmenterRequest(image, prompt=prompt).arguments == (image, prompt)
-
-
-@pytest.mark.parametrize(
-    ("setting", "message"),
-    [
-        ("photo.person=[3, 4]", "photo.person.0: .*tuple"),
-        ("photo.box=[[1, 2, 3]]", "photo.box.0.3: is missing"),
-    ],
-)
-def test_a_config_with_another_form_is_refused(setting: str, message: str) -> None:
-    with pytest.raises(ConfigError, match=message):
-        load_config(overrides=[setting])

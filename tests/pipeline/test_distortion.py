@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 
 from physic_core import InputError, Intrinsics, KnownLength, KnownSizes, PeoplePrompt, load_config, reconstruct
-from physic_core.configuration.model import PhotoSettings
-from physic_core.errors import ConfigError
 from physic_core.geometry.camera import check_distortion, undistort_image, undistort_pixels
 from physic_core.io.photo import Photo
 from physic_core.pipeline.prepared_photo import undistort
@@ -69,20 +67,6 @@ def test_a_distortion_that_folds_the_picture_is_refused() -> None:
     with pytest.raises(InputError, match=r"^the distortion -2, 0, 0, 0, 0 folds the picture onto itself near its"):
         check_distortion(CAMERA, (-2.0, 0, 0, 0, 0))
     check_distortion(CAMERA, BARREL)
-
-
-@pytest.mark.parametrize(
-    ("setting", "message"),
-    [
-        ("photo.distortion=[0, 0, 0, 0, 0]", "has distortion without intrinsics: give both, from the same calibration"),
-        ("photo={intrinsics=[9, 9, 4, 4], distortion=[0, 0, 0, 0, inf]}", "distortion.4: should be"),
-    ],
-)
-def test_settings_that_cannot_be_used(setting: str, message: str) -> None:
-    with pytest.raises(ConfigError) as error:
-        load_config(preset="mock", overrides=[setting])
-    assert message in str(error.value)
-    assert PhotoSettings().distortion is None
 
 
 def test_a_result_states_the_lens_and_keeps_it(tmp_path) -> None:

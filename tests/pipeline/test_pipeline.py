@@ -12,7 +12,7 @@ from physic_core import Pipeline, body, load_config, reconstruct
 from physic_core.adapters.pictures import dilate
 from physic_core.configuration.model import PhotoSettings
 from physic_core.engine.joint.problem import OtherView
-from physic_core.errors import BodyModelError, DeviceError
+from physic_core.errors import BodyModelError
 from physic_core.io.photo import Photo
 from physic_core.pipeline.backend_results import replace_hands
 from physic_core.pipeline.floor_and_scale import feet_pixels
@@ -78,12 +78,6 @@ def test_a_body_model_of_the_users_own_that_the_estimator_does_not_speak(world: 
     assert [note for note in result.notes if "converted" in note] == [
         "bodies converted from 'embedded' to 'smplx', surface within 0 mm and joints within 0 mm on average"
     ]
-
-
-def test_a_device_that_is_not_there(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
-    with pytest.raises(DeviceError, match=r"^device 'cuda:1' is not there: torch "):
-        reconstruct(world.image, load_config(preset="mock", overrides=["run.device=cuda:1"]))
 
 
 def test_optional_interfaces_may_be_left_out(world: World) -> None:
