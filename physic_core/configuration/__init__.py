@@ -1,5 +1,5 @@
 """Build one validated configuration from presets, files, environment and flags, and backends from it.
 
-Other packages use ``Config`` and ``load_config`` of :mod:`.model`, ``resolve`` and ``ResolvedPipeline`` of
-:mod:`.resolve`, and :mod:`.energies` for presets of the engine.
+Other packages use ``Config``, ``load_config`` and presets of the engine of :mod:`.model`, and ``resolve`` and
+``ResolvedPipeline`` of :mod:`.resolve`.
 """
