@@ -95,7 +95,7 @@ def _person(rng: np.random.Generator) -> Person:
         contact_partner=np.int16([-1, 0, 1, -1]),
         contacts=(BodyContact("left_hand", PARTNERS[1], 0.75, 1),),
         support=Support(SupportState.ASSUMED, (BodyContact("seat", PARTNERS[0], None, 4),), None, (0.5, 0.25, 3.0)),
-        failed_checks=("floating",),
+        failed_checks=("support",),
         unknown_checks=("lean",),
         grade=Grade.DOUBTFUL,
     )
