@@ -93,7 +93,7 @@ def limb_keypoints(estimates: Estimates, solution: Solution, person: int) -> Mea
 )
 def mask_covered(estimates: Estimates, solution: Solution, person: int) -> Measured:
     """Return the share of the mask within the body's silhouette, dilated for clothes."""
-    return solution.people[person].get("mask_covered_share")
+    return _measure(solution, person, "mask_covered_share")
 
 
 # Right bodies 0.90-1.00; bodies of people who are hardly visible 0.65-0.85.
@@ -107,7 +107,7 @@ def mask_covered(estimates: Estimates, solution: Solution, person: int) -> Measu
 )
 def body_in_mask(estimates: Estimates, solution: Solution, person: int) -> Measured:
     """Return the share of the visible silhouette within the mask."""
-    return solution.people[person].get("body_in_mask_share")
+    return _measure(solution, person, "body_in_mask_share")
 
 
 # Full bodies 0.77-0.98; cut at the waist 0.46-0.75; behind another's back 0.23, and there the body is a guess.
@@ -121,7 +121,7 @@ def body_in_mask(estimates: Estimates, solution: Solution, person: int) -> Measu
 )
 def visible(estimates: Estimates, solution: Solution, person: int) -> Measured:
     """Return the visible share of the surface that faces the camera."""
-    return solution.people[person].get("seen_share")
+    return _measure(solution, person, "seen_share")
 
 
 # The pose of a trunk whose shoulders are outside of the photo is a guess, however well the legs fit.
@@ -164,8 +164,9 @@ def legs_seen(estimates: Estimates, solution: Solution, person: int) -> float | 
 )
 def support(estimates: Estimates, solution: Solution, person: int) -> Measured:
     """Return the gap between the body and the nearest surface, metres; unknown if a support is assumed."""
-    report = solution.people[person]
-    return (None, _ASSUMED_SUPPORT) if report.get("assumed_support") else report.get("clearance_m")
+    if _measure(solution, person, "assumed_support"):
+        return None, _ASSUMED_SUPPORT
+    return _measure(solution, person, "clearance_m")
 
 
 # Of people in labelled photos, 94 % of those who sit have a seat or a larger probability, and 14 % of the others.
@@ -178,14 +179,14 @@ def support(estimates: Estimates, solution: Solution, person: int) -> Measured:
 )
 def seat(estimates: Estimates, solution: Solution, person: int) -> Measured:
     """Return the probability of sitting; 0 with a seat in the scene."""
-    return solution.people[person].get("seat_missing")
+    return _measure(solution, person, "seat_missing")
 
 
 # On floors that are right 0-0.08, and 0.25 on a treadmill; with wrong floors 0.6-1.7 above or below.
 @_check("Lower sole off the floor", at_most=0.1, unit="m", unmeasured=_NO_BODY)
 def sole_height(estimates: Estimates, solution: Solution, person: int) -> Measured:
     """Return the distance of the lower sole below the floor, or above it if the person stands, metres."""
-    height = solution.people[person].get("sole_height_m")
+    height = _measure(solution, person, "sole_height_m")
     if solution.scene.floor is None:
         return None, NO_FLOOR
     if height is None:
@@ -245,7 +246,7 @@ def bend(estimates: Estimates, solution: Solution, person: int) -> Measured:
 )
 def low_depth(estimates: Estimates, solution: Solution, person: int) -> Measured:
     """Return the difference of the photo's depth from the body's at the lower end of the silhouette, as a share."""
-    ratio = solution.people[person].get("low_depth_ratio")
+    ratio = _measure(solution, person, "low_depth_ratio")
     if ratio is None:
         return None
     return relative_difference(ratio), (
@@ -302,9 +303,15 @@ def limb_keypoint_error(
     return float(np.quantile(errors, _QUANTILE, method="lower")) / diagonal if np.isfinite(errors).all() else None
 
 
+def _measure(solution: Solution, person: int, name: str) -> float | None:
+    """Return a number of :func:`physic_core.pipeline.person_measures.measure_people`; None if it was not measured."""
+    value: float | None = solution.people[person].get(name)
+    return value
+
+
 def _unknown_support(estimates: Estimates, solution: Solution, person: int) -> str | None:
     """Return why it is unknown what carries a person, or None if it is known."""
-    if solution.people[person].get("assumed_support"):
+    if _measure(solution, person, "assumed_support"):
         return _ASSUMED_SUPPORT
     if solution.scene.floor is None:
         return NO_FLOOR

@@ -101,7 +101,9 @@ def check(
     """
 
     def register(measure: _Check) -> _Check:
-        direction, threshold = ("at most", at_most) if at_least is None else ("at least", at_least)
+        direction: Literal["at most", "at least"] = "at most" if at_least is None else "at least"
+        threshold = at_most if at_least is None else at_least
+        assert threshold is not None
         name = measure.__name__
         CHECKS[name] = CheckSpec(name, label, direction, threshold, of=of, measure=measure, **spec)
         return measure
