@@ -39,8 +39,8 @@ from scipy.sparse.linalg import splu
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from physic_core.body.assembly import BodyArrays, derive_vertex_sets  # noqa: E402
 from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES, NUM_JOINTS  # noqa: E402
+from physic_core.body.model import BodyArrays, derive_vertex_sets  # noqa: E402
 from physic_core.types.skeletons import SIDES  # noqa: E402
 from physic_core.visual.textures.raster import split_at_seams  # noqa: E402
 

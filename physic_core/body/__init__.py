@@ -21,16 +21,12 @@ def load_body(source: str | Path = "embedded", device: torch.device | str = "cpu
 
     Args:
         source: "embedded", or the path of your own ``SMPLX_*.npz`` (layouts v1.0 and v1.1; its first 10 shape and 10
-            expression components are used, ``physic_core.body.files.smplx.load_smplx`` takes other numbers).
+            expression components are used, ``physic_core.body.files.load_smplx`` takes other numbers).
         device: where its tensors go.
 
     Raises:
         BodyModelError: there is no such file, or it is not an SMPL-X model.
     """
-    if source == "embedded":
-        from physic_core.body.embedded import load_embedded
+    from physic_core.body.files import load_embedded, load_smplx
 
-        return load_embedded(device)
-    from physic_core.body.files.smplx import load_smplx
-
-    return load_smplx(source, device)
+    return load_embedded(device) if source == "embedded" else load_smplx(source, device)

@@ -15,21 +15,24 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from physic_core.body.bones import BoneOffsets, rotations_from_parents, rotations_from_tpose
+from physic_core.body.bones import (
+    BoneOffsets,
+    parameters_from_rotations,
+    rotations_from_parameters,
+    rotations_from_parents,
+    rotations_from_tpose,
+)
 from physic_core.body.joints import FINGER_JOINTS, joint_pair
-from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
-from physic_core.body.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy, slerp, unit
+from physic_core.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy, slerp, unit
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import BodyParameters, Hands
 
 _Array = NDArray[np.float64]
-AngleRange = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
-"""Minimum and maximum rotation of the left wrist about x, y and z, radians."""
-
-WRIST_RANGE: AngleRange = ((-1.6, 1.6), (-1.0, 1.0), (-1.5, 1.5))
-"""Range of a left wrist relative to the T-pose, for all healthy poses."""
+WRIST_LIMITS = np.array([1.6, 1.0, 1.5]) + 0.15
+"""Largest rotation of a wrist from its place in the T-pose about x, y and z, radians: that of all healthy poses, and a
+tolerance, since people differ."""
 
 _SHOULDERS, _ELBOWS, _WRISTS = (joint_pair(name) for name in ("shoulder", "elbow", "wrist"))
 _FOREARM_SHARE = 0.6
@@ -38,21 +41,18 @@ _MAX_FOREARM_TWIST = 1.4
 """Maximum twist of a forearm relative to the body's estimate, radians."""
 _MIN_CONFIDENCE, _FULL_CONFIDENCE = 0.1, 0.5
 """Confidence up to which a hand has weight 0, and from which it has weight 1."""
-_SLACK = 0.15
-"""Tolerance of the range of a wrist, radians: people differ."""
 _STEPS = 64
 """Number of steps along the arc at which the range is checked."""
 _HANDS = np.array(FINGER_JOINTS).reshape(2, -1)
 
 
-def attach_hands(parameters: BodyParameters, hands: Hands, model: BodyModel, wrist_range: AngleRange) -> BodyParameters:
+def attach_hands(parameters: BodyParameters, hands: Hands, model: BodyModel) -> BodyParameters:
     """Return bodies with the rotations of wrists, forearms and fingers from the hands.
 
     Args:
         parameters: of N bodies; NaN for people without an estimate.
         hands: of the same people, with ``wrists``.
         model: the body model that the parameters are for.
-        wrist_range: range of a left wrist relative to its forearm; the right one is mirrored.
     """
     assert hands.wrists is not None
     confidence = np.asarray(hands.confidence, np.float64)
@@ -67,7 +67,7 @@ def attach_hands(parameters: BodyParameters, hands: Hands, model: BodyModel, wri
     wanted = rotvec_to_rotmat_numpy(np.where(given, hands.wrists[rows], 0.0).astype(np.float64))
     wanted = np.where(given[..., None], wanted, world[:, _WRISTS])
     axes = unit(BoneOffsets.of(model).for_betas(some.betas.astype(np.float64))[:, _WRISTS])
-    elbows, wrists = _rotate_towards(world[:, _ELBOWS], world[:, _WRISTS], wanted, share[rows], axes, wrist_range)
+    elbows, wrists = _rotate_towards(world[:, _ELBOWS], world[:, _WRISTS], wanted, share[rows], axes)
     local = rotations_from_parents(world)
     local[:, _ELBOWS] = np.swapaxes(world[:, _SHOULDERS], -1, -2) @ elbows
     local[:, _WRISTS] = np.swapaxes(elbows, -1, -2) @ wrists
@@ -78,14 +78,13 @@ def attach_hands(parameters: BodyParameters, hands: Hands, model: BodyModel, wri
 
 
 def _rotate_towards(
-    elbows: _Array, wrists: _Array, wanted: _Array, share: _Array, axes: _Array, wrist_range: AngleRange
+    elbows: _Array, wrists: _Array, wanted: _Array, share: _Array, axes: _Array
 ) -> tuple[_Array, _Array]:
     """Rotate forearms and hands (n, 2, 3, 3) by a ``share`` (n, 2) of the arc to the ``wanted`` rotations."""
     way = rotmat_to_rotvec(wanted @ np.swapaxes(wrists, -1, -2))
-    low, high = _limits(wrist_range)
     start = rotmat_to_rotvec(np.swapaxes(elbows, -1, -2) @ wrists)
     # A wrist that is out of range at the start may stay there, and may return.
-    low, high = np.minimum(low, start), np.maximum(high, start)
+    low, high = np.minimum(-WRIST_LIMITS, start), np.maximum(WRIST_LIMITS, start)
 
     def at(step: _Array) -> tuple[_Array, _Array]:
         turn = way * step[..., None]
@@ -113,13 +112,6 @@ def _pronation(elbows: _Array, turn: _Array, axes: _Array) -> _Array:
     twist = 2 * np.arctan2(along * np.sin(0.5 * angle), np.cos(0.5 * angle))
     clipped: _Array = np.clip(_FOREARM_SHARE * twist, -_MAX_FOREARM_TWIST, _MAX_FOREARM_TWIST)
     return clipped
-
-
-def _limits(wrist_range: AngleRange) -> tuple[_Array, _Array]:
-    """Return the minimum and maximum angles (2, 3) of the left and the right wrist."""
-    low, high = (np.array([bounds[k] for bounds in wrist_range]) for k in (0, 1))
-    mirrored = (np.array([low[0], -high[1], -high[2]]), np.array([high[0], -low[1], -low[2]]))
-    return np.stack([low, mirrored[0]]) - _SLACK, np.stack([high, mirrored[1]]) + _SLACK
 
 
 def _with_arms(

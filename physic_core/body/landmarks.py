@@ -1,6 +1,9 @@
-"""Keypoints of a skeleton as linear functions of a body's joints and vertices.
+"""Points, parts and vertex sets of a body: keypoints of skeletons, body parts, and what often touches the scene.
 
 Each keypoint is a joint of the model, or the mean of a few surface vertices. Left is always the body's own left.
+
+Parts follow from skinning weights. Contact sets (as in PROX: feet, thighs, gluteus, back, hands) and landmarks (nose,
+ears, fingertips, toes) follow from the geometry of the T-pose. All work for any mesh with SMPL-X joints.
 """
 
 from __future__ import annotations
@@ -8,11 +11,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
-from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES, NUM_JOINTS
+from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES, NUM_JOINTS, PART_NAMES
 from physic_core.errors import BodyModelError
+from physic_core.geometry.mesh import vertex_normals
 from physic_core.types import Keypoints
 from physic_core.types.skeletons import SIDES, Skeleton
 
@@ -120,3 +126,189 @@ def _regressor(names: list[str], picks: Mapping[str, Tensor]) -> LandmarkRegress
             matrix[row, start : start + count] = 1.0 / count
             start += count
     return LandmarkRegressor(ids, matrix)
+
+
+@dataclass(frozen=True)
+class TPoseMesh:
+    """Mesh, joints and skinning weights of a body in the T-pose: y up, +z forward, left on +x, metres.
+
+    Attributes:
+        vertices: (V, 3).
+        faces: (F, 3) int.
+        joints: (55, 3) in SMPL-X order.
+        weights: (V, 55) skinning weights.
+        outer: (V,) bool, False for cavities.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    joints: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    outer: NDArray[np.bool_]
+
+    @property
+    def normals(self) -> NDArray[np.float64]:
+        """(V, 3) unit outward normals."""
+        return vertex_normals(self.vertices, self.faces)
+
+
+CONTACT_SETS: tuple[str, ...] = (
+    *(f"{side}_{name}" for name in ("sole", "foot", "hand") for side in SIDES),
+    "thighs",
+    "gluteus",
+    "back",
+)
+"""Names of the sets: soles, soles with lower half of the feet, palms and fingers, underside of thighs, seat, back."""
+
+_SOLE_DEPTH = 0.02
+"""Maximum height of a downward-facing sole vertex over the lowest point of the foot, metres."""
+_FOOT_DEPTH = 0.045
+"""Maximum height of the lower half of a foot over its lowest point, metres."""
+
+
+def _part_of_joint(name: str) -> str:
+    """Return the name of the body part of a joint."""
+    side, _, rest = name.partition("_")
+    limb = {
+        "hip": "upper_leg",
+        "knee": "lower_leg",
+        "ankle": "foot",
+        "foot": "foot",
+        "shoulder": "upper_arm",
+        "elbow": "lower_arm",
+        "wrist": "hand",
+    }.get(rest, "hand" if rest[-1:].isdigit() else "")
+    if limb:
+        return f"{side}_{limb}"
+    return "head" if name in ("neck", "head", "jaw", "left_eye", "right_eye") else "torso"
+
+
+def label_parts(weights: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return the body part (V,) with the largest sum of skinning weights (V, 55), as an index into PART_NAMES."""
+    member = np.zeros((len(JOINT_NAMES), len(PART_NAMES)))
+    for joint, name in enumerate(JOINT_NAMES):
+        member[joint, PART_NAMES.index(_part_of_joint(name))] = 1.0
+    # Vertices on the middle plane belong to left and right alike but for rounding: ties go to the first part.
+    labels: NDArray[np.int64] = np.argmax((weights @ member).round(6), axis=1)
+    return labels
+
+
+def contact_set_vertices(mesh: TPoseMesh) -> dict[str, NDArray[np.int64]]:
+    """Return the vertex ids of each set in CONTACT_SETS, ascending, without cavities."""
+    part = label_parts(mesh.weights)
+    x, y = mesh.vertices[:, 0], mesh.vertices[:, 1]
+    down, back = -mesh.normals[:, 1], -mesh.normals[:, 2]
+
+    def within(*names: str) -> NDArray[np.bool_]:
+        return mesh.outer & np.isin(part, [PART_NAMES.index(name) for name in names])
+
+    def height(name: str) -> float:
+        return float(mesh.joints[JOINT_INDEX[name], 1])
+
+    chosen: dict[str, NDArray[np.bool_]] = {}
+    for side in SIDES:
+        foot = within(f"{side}_foot")
+        low = y - (y[foot].min() if foot.any() else 0.0)
+        chosen[f"{side}_sole"] = foot & (low < _SOLE_DEPTH) & (down > 0.5)
+        chosen[f"{side}_foot"] = foot & (low < _FOOT_DEPTH) & (down > -0.3)
+        chosen[f"{side}_hand"] = within(f"{side}_hand") & (down > 0.2)
+    hips = (height("left_hip") + height("right_hip")) / 2
+    knees = (height("left_knee") + height("right_knee")) / 2
+    thigh = hips - knees
+    seat_low, seat_high = hips - 0.25 * thigh, hips + 0.25 * thigh
+    behind = back > 0.3
+    legs = within("left_upper_leg", "right_upper_leg")
+    torso = within("torso")
+    chosen["thighs"] = legs & behind & (y < seat_low)
+    chosen["gluteus"] = (legs | torso) & behind & (y >= seat_low) & (y < seat_high)
+    chosen["back"] = (
+        torso & behind & (y >= seat_high) & (np.abs(x) < np.abs(mesh.joints[JOINT_INDEX["left_shoulder"], 0]))
+    )
+    return {name: np.flatnonzero(chosen[name]) for name in CONTACT_SETS}
+
+
+_EYE_HALF_WIDTH = 0.015
+"""Distance from the centre of an eye to its corners, metres."""
+_MOUTH_HALF_WIDTH = 0.024
+"""Distance from the centre of the mouth to its corners, metres."""
+_MOUTH_DROP = 0.85
+"""Height of the mouth below the tip of the nose, relative to the height of the eyes above it."""
+_EAR_DEPTH, _EAR_FORWARD = 0.012, 0.012
+"""Distance from the centre of the ear's rim inwards and forwards to the ear canal, metres."""
+
+
+def pick_surface_points(mesh: TPoseMesh) -> dict[str, NDArray[np.int64]]:
+    """Return landmark name -> vertex ids, for each name in SURFACE_POINTS. A landmark is the mean of its vertices."""
+    part = label_parts(mesh.weights)
+    joint = {name: mesh.joints[i] for name, i in JOINT_INDEX.items()}
+    whole_head = part == PART_NAMES.index("head")  # with the lids or eyeballs, which are not part of the outer surface
+    head = mesh.outer & whole_head
+    picks: dict[str, NDArray[np.int64]] = {}
+    middle = head & (np.abs(mesh.vertices[:, 0]) < 0.015)
+    picks["nose"] = _furthest(mesh, middle if middle.any() else head, np.array([0.0, 0.0, 1.0]), 2)
+    nose = mesh.vertices[picks["nose"]].mean(0)
+    eye_height = (joint["left_eye"][1] + joint["right_eye"][1]) / 2
+    mouth_height = nose[1] - _MOUTH_DROP * (eye_height - nose[1])
+    for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
+        eye = joint[f"{side}_eye"]
+        out = np.array([sign * _EYE_HALF_WIDTH, 0.0, 0.0])
+        picks[f"{side}_eye_surface"] = _in_front(mesh, whole_head, eye, 4)
+        picks[f"{side}_eye_inner_surface"] = _in_front(mesh, whole_head, eye - out, 3)
+        picks[f"{side}_eye_outer_surface"] = _in_front(mesh, whole_head, eye + out, 3)
+        corner = np.array([sign * _MOUTH_HALF_WIDTH, mouth_height, eye[2]])
+        picks[f"{side}_mouth_corner_surface"] = _in_front(mesh, head, corner, 3)
+        rim = mesh.vertices[_furthest(mesh, head, np.array([sign, 0.0, 0.0]), 40)].mean(0)
+        canal = rim + np.array([-sign * _EAR_DEPTH, 0.0, _EAR_FORWARD])
+        picks[f"{side}_ear_surface"] = _nearest(mesh, head, canal, 8)
+        for finger in ("thumb", "index", "middle", "ring", "pinky"):
+            last = JOINT_INDEX[f"{side}_{finger}3"]
+            tip = mesh.outer & (mesh.weights.argmax(1) == last)
+            along = mesh.joints[last] - mesh.joints[last - 1]
+            picks[f"{side}_{finger}_tip"] = _furthest(mesh, tip, along, 4)
+        picks.update(_pick_foot(mesh, mesh.outer & (part == PART_NAMES.index(f"{side}_foot")), side, sign))
+    return {name: picks[name] for name in SURFACE_POINTS}
+
+
+def _pick_foot(mesh: TPoseMesh, foot: NDArray[np.bool_], side: str, sign: float) -> dict[str, NDArray[np.int64]]:
+    """Return the vertex ids of toes, heel and foot tip of one foot."""
+    x, _, z = mesh.vertices.T
+    forward = np.array([0.0, 0.0, 1.0])
+    toes = foot & (z > mesh.joints[JOINT_INDEX[f"{side}_foot"], 2])
+    if not toes.any():
+        toes = foot
+    lateral = sign * x
+    low, high = lateral[toes].min(), lateral[toes].max()
+    medial_half = toes & (lateral <= low + 0.35 * (high - low))
+    lateral_rim = toes & (lateral >= low + 0.85 * (high - low))
+    return {
+        f"{side}_big_toe": _furthest(mesh, medial_half, forward, 4),
+        f"{side}_small_toe": _furthest(mesh, lateral_rim, forward, 4),
+        f"{side}_foot_tip": _furthest(mesh, toes, forward, 6),
+        f"{side}_heel": _furthest(mesh, foot, np.array([0.0, -0.5, -1.0]), 6),
+    }
+
+
+def _furthest(
+    mesh: TPoseMesh, mask: NDArray[np.bool_], direction: NDArray[np.float64], count: int
+) -> NDArray[np.int64]:
+    """Return the ids of the ``count`` vertices of the mask that are furthest along a direction."""
+    return _first(mask, -(mesh.vertices @ direction), count)
+
+
+def _nearest(mesh: TPoseMesh, mask: NDArray[np.bool_], point: NDArray[np.float64], count: int) -> NDArray[np.int64]:
+    """Return the ids of the ``count`` vertices of the mask nearest to a point."""
+    return _first(mask, np.linalg.norm(mesh.vertices - point, axis=1), count)
+
+
+def _in_front(mesh: TPoseMesh, mask: NDArray[np.bool_], point: NDArray[np.float64], count: int) -> NDArray[np.int64]:
+    """Return the ids of the ``count`` forward-facing vertices of the mask nearest to the +z ray from ``point``."""
+    facing = mask & (mesh.vertices[:, 2] > point[2]) & (mesh.normals[:, 2] > 0)
+    off_axis = np.linalg.norm(mesh.vertices[:, :2] - point[:2], axis=1)
+    return _first(facing if facing.any() else mask, off_axis, count)
+
+
+def _first(mask: NDArray[np.bool_], cost: NDArray[np.float64], count: int) -> NDArray[np.int64]:
+    """Return the ids of the ``count`` vertices of the mask with the least cost, ascending; of all if it is empty."""
+    ids = np.flatnonzero(mask if mask.any() else np.ones_like(mask))
+    # Mirrored vertices have the same cost but for rounding: ties go to the first vertex.
+    return np.sort(ids[np.argsort(cost[ids].round(6), kind="stable")[:count]])

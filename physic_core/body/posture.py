@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -12,9 +12,7 @@ from physic_core.body.joints import JOINT_INDEX, joint_pair
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.types import Plane
-
-    Array = NDArray[np.floating[Any]]
+    from physic_core.types import FloatArray, Plane
 
 _HIPS, _KNEES, _ANKLES = joint_pair("hip"), joint_pair("knee"), joint_pair("ankle")
 _NECK, _PELVIS = JOINT_INDEX["neck"], JOINT_INDEX["pelvis"]
@@ -26,7 +24,7 @@ _UPSIDE_DOWN_DEG = 135.0  # least angle of a trunk from up in the picture
 _SIDEWAYS_DEG = 30.0  # largest angle of a trunk from the picture's horizontal
 
 
-def standing_legs(joints: Array, up: Array | None = None, *, trunk: bool = True) -> NDArray[np.bool_]:
+def standing_legs(joints: FloatArray, up: FloatArray | None = None, *, trunk: bool = True) -> NDArray[np.bool_]:
     """Return the left and the right leg on which each body stands, (..., 2) bool; see :func:`legs_in_line`.
 
     Args:
@@ -40,12 +38,12 @@ def standing_legs(joints: Array, up: Array | None = None, *, trunk: bool = True)
 
 
 def legs_in_line(
-    hips: Array,
-    knees: Array,
-    ankles: Array,
+    hips: FloatArray,
+    knees: FloatArray,
+    ankles: FloatArray,
     *,
-    neck: Array | None = None,
-    up: Array | None = None,
+    neck: FloatArray | None = None,
+    up: FloatArray | None = None,
     max_deg: float = STANDING_DEG,
 ) -> NDArray[np.bool_]:
     """Return which legs are straight, in line with the trunk, and upright: (..., 2) bool, left and right.
@@ -70,7 +68,7 @@ def legs_in_line(
     return np.asarray(np.maximum.reduce(angles) < max_deg)
 
 
-def lean_deg(joints: Array, floor: Plane, of: Literal["body", "trunk"] = "body") -> tuple[float, float]:
+def lean_deg(joints: FloatArray, floor: Plane, of: Literal["body", "trunk"] = "body") -> tuple[float, float]:
     """Return the angle between body and floor normal, and its signed component towards the camera, in degrees.
 
     The body is the line from the midpoint of the ankles to the neck, the trunk that from the midpoint of the hips. The
@@ -85,13 +83,13 @@ def lean_deg(joints: Array, floor: Plane, of: Literal["body", "trunk"] = "body")
     return float(angle_deg(body, normal)), part
 
 
-def trunk_tilt_deg(joints: Array, up: Array) -> NDArray[np.float64]:
+def trunk_tilt_deg(joints: FloatArray, up: FloatArray) -> NDArray[np.float64]:
     """Return the angle between each trunk, from pelvis to neck of (..., 55, 3), and an up direction (3,), degrees."""
     exact = np.asarray(joints, np.float64)
     return angle_deg(exact[..., _NECK, :] - exact[..., _PELVIS, :], np.asarray(up, np.float64))
 
 
-def photo_turned_deg(joints: Array, floor: Plane | None) -> int:
+def photo_turned_deg(joints: FloatArray, floor: Plane | None) -> int:
     """Return by how many degrees a photo seems to be turned, by its people: 0, 90 or 180.
 
     At 180, the trunks of all people point down in the picture. At 90, all point to the same side, people are straight,
@@ -114,7 +112,7 @@ def photo_turned_deg(joints: Array, floor: Plane | None) -> int:
     return 90 if sideways and not lying and standing_legs(people).any(1).all() else 0
 
 
-def angle_deg(first: Array, second: Array) -> NDArray[np.float64]:
+def angle_deg(first: FloatArray, second: FloatArray) -> NDArray[np.float64]:
     """Return the angles between vectors (..., D), degrees; 90 for a zero vector."""
     one, two = (v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-12) for v in (first, second))
     half = np.arctan2(np.linalg.norm(one - two, axis=-1), np.linalg.norm(one + two, axis=-1))

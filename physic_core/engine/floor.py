@@ -17,6 +17,8 @@ from torch import Tensor
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.body.posture import standing_legs
 from physic_core.geometry.floor import (
+    HOLE_WEIGHT,
+    LOWER_SHARE,
     MASK_SLACK,
     FloorSearch,
     FloorSource,
@@ -27,7 +29,6 @@ from physic_core.geometry.floor import (
     plane_at_feet,
     plane_of_pixels,
 )
-from physic_core.geometry.floor_ransac import HOLE_WEIGHT, LOWER_SHARE
 from physic_core.geometry.plane import estimate_up
 from physic_core.geometry.tensors import select_pixels
 

@@ -21,9 +21,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from physic_core.engine.placement.background import dilate_square
-from physic_core.engine.placement.detections import ObservedPeople
+from physic_core.engine.placement.place import ObservedPeople
 from physic_core.engine.touch import DEPTH_BESIDE, HANGING, LEAST_PROBABILITY, touch_log_odds
+from physic_core.geometry.tensors import dilate_square
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import SIDES
 

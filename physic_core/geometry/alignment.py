@@ -23,6 +23,7 @@ from typing import Literal, NamedTuple
 import torch
 from torch import Tensor
 
+from physic_core.geometry.tensors import quantiles
 from physic_core.types import AffineAmbiguity
 
 _SEED = 0
@@ -192,8 +193,7 @@ def _scale_bounds(source: Tensor, target: Tensor, unknown: AffineAmbiguity) -> t
     before, after = (1 / source, 1 / target) if unknown == "inverse_scale_shift" else (source, target)
     spreads = []
     for values in (before, after):
-        ordered = values.sort().values
-        low, middle, high = (float(ordered[round(q * (len(ordered) - 1))]) for q in (0.05, 0.5, 0.95))
+        low, middle, high = quantiles(values, (0.05, 0.5, 0.95))
         if high - low < _FLAT_SHARE * middle:
             return 0.0, math.inf
         spreads.append(high - low)

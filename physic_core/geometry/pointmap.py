@@ -10,6 +10,9 @@ from torch import Tensor
 from physic_core.errors import BackendOutputError
 from physic_core.geometry.camera import pixel_grid, unproject
 
+EDGE_RATIO = 1.05
+"""Largest depth ratio within 3 x 3 pixels that is not a depth edge, for an image of 1024 px."""
+_REFERENCE_SIDE = 1024
 _FEWEST_POINTS = 16
 _RINGS = (2, 4)  # px, distances of neighbours of an isolated pixel
 _STRIP_ROWS = 64  # of a photo, so that temporary arrays stay in the cache of a CPU
@@ -27,6 +30,16 @@ def depth_to_pointmap(depth: Tensor, K: Tensor) -> Tensor:
     """
     height, width = depth.shape[-2:]
     return unproject(pixel_grid(height, width, depth), depth, K)
+
+
+def edge_ratio(rows: int, columns: int) -> float:
+    """Return the threshold of the depth ratio at an edge: ``EDGE_RATIO`` for an image side of 1024 px, otherwise
+    scaled.
+
+    The threshold is at most ``EDGE_RATIO`` squared, since edges are sharp in small images too.
+    """
+    power: float = min(2.0, _REFERENCE_SIDE / max(rows, columns, 1))
+    return math.pow(EDGE_RATIO, power)
 
 
 def depth_edges(depth: Tensor, valid: Tensor, ratio: float = 1.05) -> Tensor:

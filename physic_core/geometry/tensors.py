@@ -1,8 +1,8 @@
-"""Convert NumPy arrays of backends to tensors of the engine, and move dataclasses of tensors."""
+"""Convert NumPy arrays of backends to tensors of the engine, move dataclasses of tensors, and work on masks."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -41,6 +41,26 @@ def select_pixels(mask: torch.Tensor, *maps: torch.Tensor) -> tuple[torch.Tensor
     """
     rows = mask.flatten().nonzero()[:, 0]
     return tuple(values.flatten(0, 1).index_select(0, rows) for values in maps)
+
+
+def dilate_square(mask: torch.Tensor, radius: int) -> torch.Tensor:
+    """Dilate a mask (H, W) by a square of ``radius`` px."""
+    import cv2
+
+    if radius < 1 or not mask.numel():
+        return mask
+    side = 2 * radius + 1
+    grown = cv2.dilate(mask.cpu().numpy().view(np.uint8), np.ones((side, side), np.uint8))
+    return torch.from_numpy(grown.view(bool)).to(mask.device)
+
+
+def quantiles(values: torch.Tensor, shares: Sequence[float], most: int = 50_000) -> list[float]:
+    """Return quantiles of values (M,) without interpolation, of an even subsample of about ``most`` if there are more.
+
+    ``torch.quantile`` does not support large inputs.
+    """
+    some = values[:: max(1, len(values) // most)].double().sort().values
+    return [float(some[round(share * (len(some) - 1))]) for share in shares]
 
 
 def all_finite(points: torch.Tensor) -> torch.Tensor:

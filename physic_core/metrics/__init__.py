@@ -5,24 +5,39 @@ from __future__ import annotations
 from physic_core.metrics.contact import (
     ContactCounts,
     ContactScores,
+    GeodesicError,
     contact_counts,
     contact_scores,
+    distance_to_sources,
+    geodesic_error,
     precision_recall_f1,
+    surface_graph,
 )
-from physic_core.metrics.geodesic import GeodesicError, distance_to_sources, geodesic_error, surface_graph
-from physic_core.metrics.intervals import DRAWS, ValueWithInterval, draw_counts, percentile_interval, resampled_interval
+from physic_core.metrics.intervals import (
+    DRAWS,
+    ValueWithInterval,
+    aligned_table,
+    draw_counts,
+    markdown_table,
+    percentile_interval,
+    resampled_interval,
+)
 from physic_core.metrics.matching import Matching, assign, mask_iou, match_by_boxes, match_by_masks
-from physic_core.metrics.physics import Penetration, contact_gap, penetration
 from physic_core.metrics.pose import BODY_JOINTS, align_similarity, mpjpe_mm, mpvpe_mm, pa_mpjpe_mm
-from physic_core.metrics.proximity import (
+from physic_core.metrics.scene import (
     PROXIMITY_RADIUS_M,
+    FloorError,
+    Penetration,
+    SceneError,
     SignedDistances,
+    contact_gap,
+    floor_error,
     hidden_by_depth_map,
+    penetration,
     point_spacing,
     scene_distance,
+    scene_error,
 )
-from physic_core.metrics.scene import FloorError, SceneError, floor_error, scene_error
-from physic_core.metrics.tables import aligned_table, markdown_table
 
 __all__ = [
     "BODY_JOINTS",

@@ -7,11 +7,14 @@ recall, so ``f1_pooled`` or ``f1_of_means``; DECO and BSTRO print ``f1_mean``.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 
-from physic_core.metrics.shapes import require_bool_dtype, require_same_shape
+from physic_core.errors import PhysicError
+from physic_core.metrics.matching import require_bool_dtype, require_same_shape
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -127,3 +130,125 @@ def _harmonic(precision: FloatArray, recall: FloatArray) -> FloatArray:
     total = precision + recall
     mean: FloatArray = 2 * precision * recall / np.where(total > 0, total, 1.0)
     return mean
+
+
+@dataclass(frozen=True)
+class GeodesicError:
+    """Geodesic contact errors of people, each (...,).
+
+    Attributes:
+        false_positive_cm: mean distance from predicted contact vertices to the nearest true one.
+        false_negative_cm: mean distance from true contact vertices to the nearest predicted one.
+        unreachable: int64, vertices excluded from both means, since no path leads to the other set.
+    """
+
+    false_positive_cm: FloatArray
+    false_negative_cm: FloatArray
+    unreachable: NDArray[np.int64]
+
+
+def surface_graph(vertices: FloatArray, faces: NDArray[np.integer[Any]], *, across: bool = False) -> csr_array:
+    """Build the edge graph of a mesh; one graph of the rest pose serves all people.
+
+    Args:
+        vertices: (V, 3) m, any frame.
+        faces: (F, 3) vertex ids.
+        across: also connect the two vertices opposite an edge, by their distance after the two triangles are unfolded
+            into a plane, if the straight line between them crosses that edge.
+
+    Returns:
+        (V, V) float64 m, upper triangle; coinciding vertices keep an edge of length 0.
+    """
+    vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
+    corners = [(0, 1, 2), (1, 2, 0), (2, 0, 1)]
+    sides = np.sort(np.concatenate([faces[:, [a, b]] for a, b, _ in corners]), axis=1)
+    edges = np.unique(sides, axis=0).reshape(-1, 2)
+    lengths = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
+    if across:
+        opposite = np.concatenate([faces[:, c] for _, _, c in corners])
+        hops, hop_lengths = _opposite_pairs(vertices, sides, opposite)
+        edges, lengths = np.concatenate([edges, hops]), np.concatenate([lengths, hop_lengths])
+        # Two edges may connect the same vertices: keep the shortest, as a sparse array would sum them.
+        order = np.lexsort((lengths, edges[:, 1], edges[:, 0]))
+        edges, lengths = edges[order], lengths[order]
+        first = np.ones(len(edges), bool)
+        first[1:] = (edges[1:] != edges[:-1]).any(axis=1)
+        edges, lengths = edges[first], lengths[first]
+    return csr_array((lengths, (edges[:, 0], edges[:, 1])), shape=(len(vertices), len(vertices)))
+
+
+def distance_to_sources(graph: csr_array, sources: BoolArray) -> FloatArray:
+    """Return the distance (V,) m from every vertex to the nearest source; inf if there is no path.
+
+    Args:
+        graph: of :func:`surface_graph`.
+        sources: (V,) bool.
+    """
+    if not sources.any():
+        return np.full(graph.shape[0], np.inf)
+    distance: FloatArray = dijkstra(graph, directed=False, indices=np.flatnonzero(sources), min_only=True)
+    return distance
+
+
+def geodesic_error(graph: csr_array, predicted: BoolArray, truth: BoolArray) -> GeodesicError:
+    """Compute the geodesic contact error (DECO, ICCV 2023; BSTRO, CVPR 2022); NaN if either set is empty.
+
+    Args:
+        graph: of :func:`surface_graph`, on the mesh of the contact maps.
+        predicted: (..., V) bool.
+        truth: (..., V) bool.
+
+    Raises:
+        PhysicError: the shapes do not match, or a map is not bool.
+    """
+    require_same_shape("contact maps", predicted, truth)
+    predicted, truth = require_bool_dtype("predicted contact", predicted), require_bool_dtype("true contact", truth)
+    if predicted.shape[-1] != graph.shape[0]:
+        raise PhysicError(
+            f"The contact maps have {predicted.shape[-1]} vertices and the graph {graph.shape[0]}: "
+            "build the graph from the mesh that the contact is on."
+        )
+    shape = predicted.shape[:-1]
+    rows = list(zip(predicted.reshape(-1, graph.shape[0]), truth.reshape(-1, graph.shape[0]), strict=True))
+    positive, negative, lost = np.zeros(len(rows)), np.zeros(len(rows)), np.zeros(len(rows), np.int64)
+    for i, (guess, fact) in enumerate(rows):
+        if not (guess.any() and fact.any()):
+            positive[i] = negative[i] = np.nan
+            continue
+        ways = distance_to_sources(graph, fact)[guess], distance_to_sources(graph, guess)[fact]
+        positive[i], negative[i] = (_mean_finite(way) * 100 for way in ways)
+        lost[i] = sum(int(np.isinf(way).sum()) for way in ways)
+    return GeodesicError(positive.reshape(shape), negative.reshape(shape), lost.reshape(shape))
+
+
+def _mean_finite(distance: FloatArray) -> float:
+    known = distance[np.isfinite(distance)]
+    return float(known.mean()) if len(known) else float("nan")
+
+
+def _opposite_pairs(
+    vertices: FloatArray, sides: NDArray[np.int64], opposite: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], FloatArray]:
+    """Return pairs (E, 2) of vertices opposite an edge of two triangles, and their unfolded distance (E,).
+
+    Args:
+        vertices: (V, 3).
+        sides: (3F, 2) sorted vertex ids of each triangle's sides.
+        opposite: (3F,) the third vertex of that triangle.
+    """
+    _, edge, count = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
+    order = np.argsort(edge.ravel(), kind="stable")
+    order = order[count[edge.ravel()[order]] == 2].reshape(-1, 2)
+    start, end = (vertices[sides[order[:, 0], k]] for k in (0, 1))
+    axis = end - start
+    length = np.linalg.norm(axis, axis=1)
+    along, off = [], []
+    for k in (0, 1):
+        way = vertices[opposite[order[:, k]]] - start
+        along.append((way * axis).sum(1) / np.where(length > 0, length, 1.0))
+        off.append(np.sqrt(np.maximum(np.square(way).sum(1) - np.square(along[k]), 0.0)))
+    width = off[0] + off[1]
+    crossing = along[0] + (along[1] - along[0]) * off[0] / np.where(width > 0, width, 1.0)
+    usable = (width > 0) & (crossing >= 0) & (crossing <= length)
+    pairs = np.sort(opposite[order[usable]], axis=1)
+    return pairs, np.hypot(width, along[1] - along[0])[usable]

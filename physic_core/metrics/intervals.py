@@ -78,3 +78,20 @@ def resampled_interval(
     return percentile_interval(
         [statistic([[s[k] for k in rng.integers(len(s), size=len(s))] for s in strata]) for _ in range(draws)]
     )
+
+
+def aligned_table(rows: Sequence[Sequence[str]]) -> str:
+    """Return rows of equal length as lines: the first column on the left, numbers on the right of theirs."""
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    return "\n".join(
+        "  ".join(
+            [row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))]
+        ).rstrip()
+        for row in rows
+    )
+
+
+def markdown_table(rows: Sequence[Sequence[str]]) -> str:
+    """Return rows of equal length as Markdown."""
+    lines = [f"| {' | '.join(row)} |" for row in rows]
+    return "\n".join([lines[0], "|---|" + "---:|" * (len(rows[0]) - 1), *lines[1:]])

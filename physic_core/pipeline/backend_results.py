@@ -34,9 +34,9 @@ def replace_hands(bodies: Bodies, hands: Hands, model: BodyModel) -> Bodies:
     If ``hands.wrists`` are given, forearms and wrists are rotated to fit the hands, weighted by confidence.
     """
     if hands.wrists is not None:
-        from physic_core.body.attach_hands import WRIST_RANGE, attach_hands
+        from physic_core.body.attach_hands import attach_hands
 
-        return replace(bodies, parameters=attach_hands(bodies.parameters, hands, model, WRIST_RANGE))
+        return replace(bodies, parameters=attach_hands(bodies.parameters, hands, model))
     p, found = bodies.parameters, hands.confidence > 0
     flat = hands.rotvecs.reshape(len(p), 2, 45).astype(p.left_hand_pose.dtype)
     left = np.where(found[:, :1], flat[:, 0], p.left_hand_pose)

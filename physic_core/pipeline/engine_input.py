@@ -8,16 +8,15 @@ from typing import TYPE_CHECKING
 
 import torch
 
+from physic_core.body.bones import rotations_from_parameters
 from physic_core.body.joints import NUM_JOINTS
 from physic_core.body.landmarks import keypoints_on_body
-from physic_core.body.parameters import rotations_from_parameters
 from physic_core.engine.contact.problem import ContactInput
 from physic_core.engine.contact.scene_parts import ClassifiedPoints
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.placement.detections import ObservedPeople
-from physic_core.engine.placement.human_points import PhotoPoints
-from physic_core.engine.placement.solve import EstimatedBodies, PlacementInput
-from physic_core.engine.scene.camera import Cameras
+from physic_core.engine.placement.place import ObservedPeople
+from physic_core.engine.placement.solve import EstimatedBodies, PhotoPoints, PlacementInput
+from physic_core.engine.scene.method import Cameras
 from physic_core.engine.scene.solve import SceneInput
 from physic_core.geometry.camera import project
 from physic_core.geometry.tensors import optional_tensors, select_pixels, tensors

@@ -418,7 +418,7 @@ class _BackendCalls:
 
         If the backend needs people and gets none, it is the depth of the scene.
         """
-        from physic_core.engine.sizes import scaled_depth
+        from physic_core.engine.sizes.scale_vote import scaled_depth
 
         chosen = self.backends["metric_depth"]
         if "scale" in (chosen.backend.reads or ()):
@@ -443,7 +443,7 @@ def _nobody(image: UInt8Array, segmenter: str) -> NoPersonError:
 
 def _no_bodies(model: BodyModel) -> Bodies:
     """Return zero bodies of a body model."""
-    from physic_core.body.parameters import parameters_from_rotations
+    from physic_core.body.bones import parameters_from_rotations
 
     rotations, betas, transl = model.zero_pose(0)
     expression = betas.new_zeros(0, model.num_expression)
@@ -460,7 +460,7 @@ def _camera_of(pointmap: Pointmap) -> Intrinsics:
 
 
 def _aligned(original: Pointmap, scene: Pointmap, hole: BoolArray, settings: EngineSettings) -> Pointmap:
-    from physic_core.engine.placement.human_points import PhotoPoints, align_photo_points_to_scene
+    from physic_core.engine.placement.solve import PhotoPoints, align_photo_points_to_scene
     from physic_core.geometry.alignment import apply_alignment
     from physic_core.geometry.tensors import tensor
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.engine.floor import FloorCandidate, FloorEvidence
     from physic_core.engine.scene.method import SceneMethod
-    from physic_core.engine.sizes import ScaleVote, Witnesses
+    from physic_core.engine.sizes.scale_vote import ScaleVote, Witnesses
     from physic_core.engine.stance import Stance
     from physic_core.geometry.floor import FloorSearch
     from physic_core.types import Bodies, BoolArray, DepthMap, FloatArray, Intrinsics, Keypoints, People, Pointmap
@@ -140,7 +140,8 @@ def find_floor_and_scale(
         depth: metric depth of the scene with a scale of its own, which votes, too.
     """
     from physic_core.engine.floor import chosen_floor
-    from physic_core.engine.sizes import depth_witness, rescaled_depth, vote_on_scale
+    from physic_core.engine.sizes.evidence import depth_witness, rescaled_depth
+    from physic_core.engine.sizes.scale_vote import vote_on_scale
 
     seen, scene = _people_seen(given, model), given.scene
     planes = [_on_plane(candidate, seen) for candidate in candidates]
@@ -183,9 +184,11 @@ def _people_seen(given: PeopleInScene, model: BodyModel) -> _Seen:
     """Return people with their torsos as witnesses, and what is known of their stance before any floor."""
     import torch
 
+    from physic_core.body.bones import rotations_from_parameters
     from physic_core.body.joints import JOINT_INDEX
-    from physic_core.body.parameters import rotations_from_parameters
-    from physic_core.engine.sizes import Witnesses, adult_probability, scales_by_torsos
+    from physic_core.engine.sizes.evidence import scales_by_torsos
+    from physic_core.engine.sizes.scale_vote import Witnesses
+    from physic_core.engine.sizes.stature import adult_probability
     from physic_core.geometry.tensors import tensor
 
     p, count = given.bodies.parameters, len(given.people)
@@ -213,7 +216,7 @@ def _people_seen(given: PeopleInScene, model: BodyModel) -> _Seen:
 
 def _stance_without_floor(given: PeopleInScene, observed: BoolArray) -> tuple[Stance, FloatArray]:
     """Return what keypoints and depth say of the touch of N people, and how likely (N,) their depth is right."""
-    from physic_core.engine.placement.detections import ObservedPeople
+    from physic_core.engine.placement.place import ObservedPeople
     from physic_core.engine.stance import (
         Stance,
         depth_beside,
@@ -248,7 +251,7 @@ def _size_sigmas(given: PeopleInScene, stature: FloatArray, years: FloatArray) -
 
     Shown are the side of the mask's area, and the confidence of shoulders, hips, knees and ankles.
     """
-    from physic_core.engine.sizes import stature_sigmas
+    from physic_core.engine.sizes.stature import stature_sigmas
 
     keypoints, sigma = given.keypoints, stature_sigmas(stature, years)
     row = {name: i for i, name in enumerate(keypoints.joint_set.names)}
@@ -271,8 +274,8 @@ class _OnPlane(NamedTuple):
 def _on_plane(candidate: FloorCandidate, seen: _Seen) -> _OnPlane:
     """Return what the feet and the camera say if the floor is a candidate."""
     from physic_core.engine.floor import standing_score
-    from physic_core.engine.sizes import Witnesses, scales_by_soles
-    from physic_core.engine.sizes.evidence import USUAL_CAMERA_HEIGHT_M, USUAL_CAMERA_HEIGHT_SIGMA
+    from physic_core.engine.sizes.evidence import USUAL_CAMERA_HEIGHT_M, USUAL_CAMERA_HEIGHT_SIGMA, scales_by_soles
+    from physic_core.engine.sizes.scale_vote import Witnesses
 
     score, height, by_soles = candidate.log_score, math.nan, np.full((len(seen.feet), 2), np.nan)
     if candidate.plane is None:
@@ -292,8 +295,8 @@ def _on_plane(candidate: FloorCandidate, seen: _Seen) -> _OnPlane:
 
 def _usual_depth(scene: Pointmap) -> Witnesses:
     """Return what the usual depth of scenes of people says of a scene."""
-    from physic_core.engine.sizes import Witnesses
     from physic_core.engine.sizes.evidence import USUAL_DEPTH_M, USUAL_DEPTH_SIGMA
+    from physic_core.engine.sizes.scale_vote import Witnesses
 
     scale = USUAL_DEPTH_M / float(np.median(scene.points[scene.valid, 2]))
     return Witnesses(np.array([scale]), np.array([math.nan]), np.array([USUAL_DEPTH_SIGMA]), np.ones(1), 0.0)

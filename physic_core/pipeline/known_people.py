@@ -9,9 +9,8 @@ import numpy as np
 import torch
 
 from physic_core.adapters.people import box_iou, boxes_from_masks
-from physic_core.body.ages import ADULT_YEARS, load_ages
-from physic_core.body.parameters import rotations_from_parameters
-from physic_core.engine.sizes import resize_bodies
+from physic_core.body.bones import rotations_from_parameters
+from physic_core.engine.sizes.stature import ADULT_YEARS, load_ages, resize_bodies
 from physic_core.errors import InputError, NoPersonError
 from physic_core.geometry.tensors import tensor
 from physic_core.types.arrays import select_people

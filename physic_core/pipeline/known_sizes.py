@@ -10,7 +10,7 @@ import numpy as np
 
 from physic_core.body.posture import standing_legs
 from physic_core.engine.sizes.evidence import CONTRADICTION
-from physic_core.engine.sizes.people_in_scene import size_beside_others
+from physic_core.engine.sizes.known_sizes import size_beside_others
 from physic_core.engine.sizes.stature import STATURES_M, stature_sigmas
 from physic_core.errors import ConfigError
 from physic_core.geometry.mesh import vertex_normals

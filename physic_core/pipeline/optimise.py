@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from physic_core.engine.contact.solve import solve_contact
-from physic_core.engine.joint.final_scene import finalize_scene
-from physic_core.engine.joint.solve import optimize
+from physic_core.engine.joint.solve import finalize_scene, optimize
 from physic_core.engine.placement.solve import solve_placement
 from physic_core.engine.scene.solve import solve_scene
 from physic_core.pipeline.engine_input import (

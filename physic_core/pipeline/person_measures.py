@@ -12,11 +12,11 @@ import torch
 import torch.nn.functional as F
 
 from physic_core.engine.contact.parts import SEAT, kind_of_part
-from physic_core.engine.placement.background import dilate_square
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_areas, vertex_normals
 from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.raster import rasterize
+from physic_core.geometry.tensors import dilate_square
 from physic_core.geometry.visibility import facing_camera, inside_mask
 
 if TYPE_CHECKING:

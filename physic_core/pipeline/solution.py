@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
+from physic_core.body.bones import parameters_from_rotations
 from physic_core.body.joints import NUM_JOINTS
-from physic_core.body.parameters import parameters_from_rotations
 from physic_core.engine.contact.partner import DECIMALS
 from physic_core.engine.scene.solve import alignment_diagnostics
-from physic_core.engine.sizes import size_sigmas
+from physic_core.engine.sizes.stature import size_sigmas
 from physic_core.pipeline.person_measures import measure_people
 from physic_core.types import NO_PARTNER, BodyParameters, CameraTrust, Intrinsics, Plane, Scene
 from physic_core.types.short_repr import ShortRepr

@@ -11,8 +11,8 @@ import torch
 
 from physic_core.adapters.devices import limited_threads
 from physic_core.body import load_body
+from physic_core.body.bones import rotations_from_parameters
 from physic_core.body.joints import JOINT_NAMES, PARENTS
-from physic_core.body.parameters import rotations_from_parameters
 from physic_core.errors import InputError
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ def body_of_result(result: Reconstruction, file: Path | None = None) -> BodyMode
             f"the result has SMPL-X bodies, whose skeleton is in your SMPL-X file, and {lost}: give its path "
             "(--body-model FILE, or body_model= in Python)"
         )
-    from physic_core.body.files.smplx import load_smplx
+    from physic_core.body.files import load_smplx
 
     parameters = result.people[0].parameters
     sizes = {"num_betas": parameters.betas.shape[1], "num_expression": parameters.expression.shape[1]}

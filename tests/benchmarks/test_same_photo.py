@@ -15,7 +15,7 @@ from benchmarks.same_photo.changes import PersonChange, change, table
 from benchmarks.same_photo.variants import PHOTO, VARIANTS, Answer, Variant, answer_of
 from benchmarks.truth.sets import Sample
 from physic_core.body import load_body
-from physic_core.body.parameters import parameters_from_rotations
+from physic_core.body.bones import parameters_from_rotations
 from physic_core.io.photo import read_photo
 from physic_core.types import Intrinsics, Person, Plane, Reconstruction, Scene, Support
 

@@ -14,9 +14,8 @@ import torch
 from torch import Tensor
 
 from physic_core.body import JOINT_INDEX, JOINT_NAMES, load_body
-from physic_core.body.assembly import BodyArrays, build_body_model
-from physic_core.body.model import BodyModel
-from physic_core.body.rotations import rotvec_to_rotmat_numpy
+from physic_core.body.model import BodyArrays, BodyModel, build_body_model
+from physic_core.geometry.rotations import rotvec_to_rotmat_numpy
 
 sys.path.append(str(Path(__file__).parent))  # other_body.py, which tests of this folder share
 

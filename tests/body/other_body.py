@@ -14,8 +14,8 @@ import torch
 from scipy.sparse import coo_matrix, csr_matrix
 
 from physic_core.body import JOINT_INDEX, JOINT_NAMES, PARENTS
+from physic_core.body.bones import rotations_from_parameters
 from physic_core.body.model import BodyModel
-from physic_core.body.parameters import rotations_from_parameters
 from physic_core.types import BodyParameters
 
 SHIFTS_MM = {

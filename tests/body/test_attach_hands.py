@@ -13,16 +13,19 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
 from physic_core.body import JOINT_INDEX, load_body
-from physic_core.body.attach_hands import WRIST_RANGE, attach_hands
-from physic_core.body.bones import rotations_from_parents, rotations_from_tpose
+from physic_core.body.attach_hands import WRIST_LIMITS, attach_hands
+from physic_core.body.bones import (
+    parameters_from_rotations,
+    rotations_from_parameters,
+    rotations_from_parents,
+    rotations_from_tpose,
+)
 from physic_core.body.model import BodyOutput
-from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
-from physic_core.body.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy, swing_twist
+from physic_core.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy, swing_twist
 from physic_core.types import BodyParameters, Hands
 
 MODEL = load_body("embedded")
 ELBOWS, WRISTS = [18, 19], [20, 21]
-RANGE = WRIST_RANGE
 AXES = np.array([[1.0, 0, 0], [-1.0, 0, 0]])
 """Of the embedded body's forearms."""
 
@@ -58,7 +61,7 @@ def hands_of(parameters: BodyParameters, wrists: np.ndarray, confidence: float) 
 def test_a_hand_that_agrees_changes_nothing() -> None:
     before = body()
     wrists = rotmat_to_rotvec(world_of(before)[:, WRISTS])
-    after = attach_hands(before, hands_of(before, wrists, 1.0), MODEL, RANGE)
+    after = attach_hands(before, hands_of(before, wrists, 1.0), MODEL)
     for name, value in vars(before).items():
         np.testing.assert_allclose(getattr(after, name), value, atol=1e-5)
 
@@ -67,7 +70,7 @@ def test_only_the_arm_of_the_hand_that_was_found_is_touched() -> None:
     before = body()
     hands = replace(hands_of(before, np.full((1, 2, 3), np.nan), 0.9), confidence=np.array([[0.0, 0.9]]))
     hands.wrists[:, 1] = [0.1, 0.2, 0.3]
-    after = attach_hands(before, hands, MODEL, RANGE)
+    after = attach_hands(before, hands, MODEL)
     changed = (before.body_pose != after.body_pose).reshape(21, 3).any(1)
     assert {i + 1 for i in np.flatnonzero(changed)} <= {JOINT_INDEX["right_elbow"], JOINT_INDEX["right_wrist"]}
     assert changed.any()
@@ -82,7 +85,7 @@ def test_a_hand_that_a_wrist_can_reach_is_reached(side: int) -> None:
     wanted = world_of(before)[:, ELBOWS[side]] @ turn
     wrists = rotmat_to_rotvec(world_of(before)[:, WRISTS])
     wrists[:, side] = rotmat_to_rotvec(wanted)
-    after = attach_hands(before, hands_of(before, wrists, 1.0), MODEL, RANGE)
+    after = attach_hands(before, hands_of(before, wrists, 1.0), MODEL)
     reached = world_of(after)[:, WRISTS[side]]
     np.testing.assert_allclose(reached, wanted, atol=2e-6)
     other = WRISTS[1 - side]
@@ -96,7 +99,7 @@ def test_pronation_is_shared_by_forearm_and_wrist(side: int) -> None:
     before = parameters_from_rotations(rest[0], rest[1], None, rest[2])
     wrists = np.zeros((1, 2, 3))
     wrists[0, side] = np.radians(80) * AXES[side]
-    after = attach_hands(before, hands_of(before, wrists, 1.0), MODEL, RANGE)
+    after = attach_hands(before, hands_of(before, wrists, 1.0), MODEL)
     world = world_of(after)
     forearm = swing_twist(world[0, ELBOWS[side]], AXES[side])[1]
     wrist = swing_twist(rotations_from_parents(world)[0, WRISTS[side]], AXES[side])[1]
@@ -116,7 +119,7 @@ def test_nothing_jumps_on_the_way_and_the_wrist_stays(wrists: np.ndarray, seed: 
     turn = (Rotation.from_rotvec(wrists[0]) * flat.inv()).magnitude().max()
     last = start.vertices
     for confidence in steps[1:]:
-        after = posed(attach_hands(before, hands_of(before, wrists, float(confidence)), MODEL, RANGE))
+        after = posed(attach_hands(before, hands_of(before, wrists, float(confidence)), MODEL))
         # Elbows and wrists do not move at all.
         arms = [*ELBOWS, *WRISTS]
         assert (after.joints[:, arms] - start.joints[:, arms]).norm(dim=-1).max() < 1e-5
@@ -130,19 +133,16 @@ def test_nothing_jumps_on_the_way_and_the_wrist_stays(wrists: np.ndarray, seed: 
 @given(ROTVEC, st.integers(0, 50))
 def test_a_wrist_stays_in_its_range(wrists: np.ndarray, seed: int) -> None:
     before = body(seed)
-    after = attach_hands(before, hands_of(before, wrists, 1.0), MODEL, RANGE)
-    first, last = (rotations_from_parents(world_of(p))[:, WRISTS] for p in (before, after))
-    low = np.array([[x[0], y[0], z[0]] for x, y, z in [RANGE]])
-    high = np.array([[x[1], y[1], z[1]] for x, y, z in [RANGE]])
-    lows = np.concatenate([low, [[low[0, 0], -high[0, 1], -high[0, 2]]]]) - 0.16
-    highs = np.concatenate([high, [[high[0, 0], -low[0, 1], -low[0, 2]]]]) + 0.16
-    assert (rotmat_to_rotvec(last) >= np.minimum(lows, rotmat_to_rotvec(first)) - 1e-5).all()
-    assert (rotmat_to_rotvec(last) <= np.maximum(highs, rotmat_to_rotvec(first)) + 1e-5).all()
+    after = attach_hands(before, hands_of(before, wrists, 1.0), MODEL)
+    first, last = (rotmat_to_rotvec(rotations_from_parents(world_of(p))[:, WRISTS]) for p in (before, after))
+    limits = WRIST_LIMITS + 0.01
+    assert (last >= np.minimum(-limits, first) - 1e-5).all()
+    assert (last <= np.maximum(limits, first) + 1e-5).all()
 
 
 def test_fingers_come_along_as_far_as_the_hand_is_trusted() -> None:
     before = body()
     wrists = rotmat_to_rotvec(world_of(before)[:, WRISTS])
     hands = replace(hands_of(before, wrists, 0.3), rotvecs=np.zeros((1, 2, 15, 3)))
-    after = attach_hands(before, hands, MODEL, RANGE)
+    after = attach_hands(before, hands, MODEL)
     np.testing.assert_allclose(after.left_hand_pose, 0.5 * before.left_hand_pose, atol=1e-5)

@@ -10,10 +10,10 @@ import torch
 from numpy.typing import NDArray
 from other_body import OtherBody, mm, posed, smpl_file_arrays
 
-from physic_core.body.convert.bodies import can_convert, convert_bodies, convert_with_residuals, rest_mesh_of_model
-from physic_core.body.files.smpl import SmplBody
+from physic_core.body.bones import parameters_from_rotations, rotations_from_parameters
+from physic_core.body.convert.bodies import can_convert, convert_with_residuals, rest_mesh_of_model
+from physic_core.body.files import SmplBody
 from physic_core.body.model import BodyModel
-from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
 from physic_core.errors import BodyModelError
 from physic_core.types import Bodies, Mesh
 
@@ -88,7 +88,7 @@ def test_smpl_reaches_the_embedded_body(own: Bodies, embedded: BodyModel, smpl: 
     # Which vertex of the embedded body each vertex of the other is, is known.
     surface = np.stack([smaller.from_embedded @ v for v in posed(embedded, found.bodies.parameters)[0]])
     assert mm(surface, vertices) < 6
-    by_joints = posed(embedded, convert_bodies(replace(estimated, mesh=None), embedded).parameters)[0]
+    by_joints = posed(embedded, convert_with_residuals(replace(estimated, mesh=None), embedded).bodies.parameters)[0]
     assert mm(np.stack([smaller.from_embedded @ v for v in by_joints]), vertices) < 35
 
 
@@ -96,7 +96,7 @@ def test_bare_joints_make_bodies(own: Bodies, embedded: BodyModel) -> None:
     """Rotations that mean nothing are not looked at."""
     vertices, joints = posed(embedded, own.parameters)
     wild = replace(own.parameters, body_pose=own.parameters.body_pose + 1, betas=np.zeros((4, 45), np.float32))
-    again = posed(embedded, convert_bodies(Bodies(wild, "mhr", None, joints), embedded).parameters)[0]
+    again = posed(embedded, convert_with_residuals(Bodies(wild, "mhr", None, joints), embedded).bodies.parameters)[0]
     assert mm(again, vertices) < 9
 
 
@@ -118,4 +118,4 @@ def test_parameters_alone_of_a_model_that_is_not_there_are_refused(own: Bodies, 
     estimated = replace(own, body_model="smplx")
     assert not can_convert(estimated, embedded)
     with pytest.raises(BodyModelError, match=r"^bodies for the body model 'smplx' cannot be converted to 'embedded'"):
-        convert_bodies(estimated, embedded)
+        convert_with_residuals(estimated, embedded)

@@ -10,11 +10,11 @@ import pytest
 import torch
 import trimesh
 
-import physic_core.body.embedded as embedded_module
-from physic_core.body.embedded import load_embedded
+import physic_core.body.files as embedded_module
+from physic_core.body.files import load_embedded
 from physic_core.body.joints import PART_NAMES
+from physic_core.body.landmarks import CONTACT_SETS
 from physic_core.body.model import BodyModel
-from physic_core.body.parts import CONTACT_SETS
 from physic_core.errors import BodyModelError
 
 FOLDER = Path(embedded_module.__file__).parent

@@ -15,7 +15,7 @@ from physic_core.body.bones import BoneOffsets, fit_shape, rotations_from_parent
 from physic_core.body.convert.joint_fit import BodyFit, fit_joints, has_torso_joints, rotations_from_joints
 from physic_core.body.convert.surface_fit import SampledBodyModel, SurfaceTargets, fit_surface, sample_vertices
 from physic_core.body.model import BodyModel
-from physic_core.body.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy
+from physic_core.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy
 
 Array = NDArray[np.float64]
 People = dict[str, np.ndarray]

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_matrix, csr_matrix
 
-from physic_core.body.files.model_file import MANO, read_model_file
+from physic_core.body.files import MANO, read_model_file
 from physic_core.errors import BodyModelError
 
 
@@ -192,7 +192,7 @@ def refused(folder: Path, names: list[str], suffix: str = ".pkl") -> list[tuple[
     code = """
 import sys, tracemalloc
 from pathlib import Path
-from physic_core.body.files.model_file import MANO, read_model_file
+from physic_core.body.files import MANO, read_model_file
 from physic_core.errors import BodyModelError
 for path in sys.argv[1:]:
     tracemalloc.start()
@@ -256,7 +256,7 @@ def test_no_pickle_calls_anything(tmp_path: Path) -> None:
     code = """
 import sys
 from pathlib import Path
-from physic_core.body.files.model_file import MANO, read_model_file
+from physic_core.body.files import MANO, read_model_file
 from physic_core.errors import BodyModelError
 events = []
 CALLS = ("os.system", "subprocess.Popen", "exec", "compile", "import", "os.exec", "os.posix_spawn", "socket.connect")

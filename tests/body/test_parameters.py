@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from physic_core.body import JOINT_INDEX
-from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
+from physic_core.body.bones import parameters_from_rotations, rotations_from_parameters
 from physic_core.errors import BodyModelError
 
 

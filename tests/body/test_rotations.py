@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
-from physic_core.body.rotations import (
+from physic_core.geometry.rotations import (
     cross,
     frame_from_axes,
     nearest_rotation,

@@ -15,7 +15,7 @@ from other_body import OtherBody, smpl_file_arrays
 from scipy.sparse import csc_matrix
 from scipy.spatial.transform import Rotation
 
-from physic_core.body.files.smpl import load_smpl, read_smpl
+from physic_core.body.files import load_smpl, read_smpl
 from physic_core.errors import BodyModelError
 
 

@@ -11,8 +11,8 @@ import roma
 import torch
 
 from physic_core.body import load_body
-from physic_core.body.files.smplx import load_smplx
-from physic_core.body.parts import CONTACT_SETS
+from physic_core.body.files import load_smplx
+from physic_core.body.landmarks import CONTACT_SETS
 from physic_core.errors import BodyModelError
 
 

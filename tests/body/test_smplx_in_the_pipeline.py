@@ -10,7 +10,7 @@ import pytest
 from other_body import OtherBody, posed, smplx_file_arrays
 
 from physic_core import Reconstruction, load_config, reconstruct
-from physic_core.body.convert.bodies import convert_bodies, replace_mesh_with_joints
+from physic_core.body.convert.bodies import convert_with_residuals, replace_mesh_with_joints
 from physic_core.body.model import BodyModel
 from physic_core.types import Bodies
 from physic_testing.worlds import World, build_world
@@ -53,7 +53,8 @@ def test_a_body_given_by_joints_alone_has_the_same_height(
     """As the ruler takes it: from the embedded body to the file's, and back by joints that lie elsewhere."""
     world = build_world("stand", 1, (160, 120))
     bodies_of_world = Bodies(world.parameters, "embedded")
-    back = convert_bodies(replace_mesh_with_joints(convert_bodies(bodies_of_world, other_model), other_model), embedded)
+    there = convert_with_residuals(bodies_of_world, other_model).bodies
+    back = convert_with_residuals(replace_mesh_with_joints(there, other_model), embedded).bodies
     sole = embedded.contact_sets["left_sole"]
     feet = [posed(embedded, bodies.parameters)[0][0, sole, 1].max() for bodies in (bodies_of_world, back)]
     assert feet[1] == pytest.approx(feet[0], abs=0.01)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from physic_core.engine.distances import lowest_height, root_relative
+from physic_core.engine.joint.context import root_relative
 from physic_core.engine.joint.term import RobustLoss
-from physic_core.engine.joint.terms.depth import MIN_DEPTH_M
-from physic_core.engine.joint.terms.penetration import SLACK_M
+from physic_core.engine.joint.terms.picture import MIN_DEPTH_M
+from physic_core.engine.joint.terms.scene import SLACK_M, lowest_height
 from physic_core.engine.joint.terms.surface import SURFACE_ENERGIES, SurfaceInputs
 from physic_core.geometry.plane import height_over_plane
 from physic_paper.terms.printed_regularisation import mesh_energy

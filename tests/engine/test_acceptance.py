@@ -7,8 +7,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from physic_core.engine.joint.acceptance import keep_lowest_energy, revert_if_worse
-from physic_core.engine.joint.optimiser import LbfgsSettings
+from physic_core.engine.joint.optimiser import LbfgsSettings, keep_lowest_energy, revert_if_worse
 from physic_core.engine.joint.state import State
 from physic_paper.adam import AdamSettings
 

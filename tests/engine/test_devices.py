@@ -11,9 +11,8 @@ from torch.overrides import TorchFunctionMode
 
 from physic_core import engine_preset
 from physic_core.engine.contact.distance import ContactSurfaces, distance_along_normal, surface_distances
-from physic_core.engine.joint.acceptance import total_energy
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.optimiser import LbfgsHistory, _lbfgs_block
+from physic_core.engine.joint.optimiser import LbfgsHistory, _lbfgs_block, total_energy
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.placement.place import PeopleObservations, PlacedBodies, place_bodies
 from physic_core.geometry.mesh import vertex_normals

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from physic_core import engine_preset
 from physic_core.body.joints import JOINT_INDEX
+from physic_core.engine.joint.context import subsample_vertices
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.precompute import subsample_vertices
+from physic_core.engine.joint.snapshot import OcclusionTracker, sample_mask_neighbours
 from physic_core.engine.joint.terms.surface import SurfaceTerms
-from physic_core.engine.joint.visibility import OcclusionTracker, sample_mask_neighbours
 from physic_core.engine.limbs import keypoints_of_observed_limbs, observed_parts
 from physic_core.geometry.mesh import vertex_areas
 from physic_core.geometry.visibility import inside_mask
@@ -124,7 +124,7 @@ def test_depth_is_read_where_the_photo_shows_the_person(standing):
     rows = energy.weights["depth"][0] > 0
     vertices = standing.vertices[0, energy.context.ids[rows]]
     (surface,) = (term for term in energy.terms if isinstance(term, SurfaceTerms))
-    seen = surface.parts.depth.log_map_depth[0, rows].exp()
+    seen = surface.depth.log_map_depth[0, rows].exp()
     assert rows.sum() > 300
     assert (vertices[:, 2] - seen).abs().median() < 0.005
 

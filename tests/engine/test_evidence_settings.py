@@ -71,7 +71,7 @@ def test_self_occluded_vertices_penetrate_in_the_released_code_only(make_stage):
     stage = make_stage([(crossed, (0.0, 0.0, 3.0))], boxes=[((-0.6, -0.4, 3.08), (0.6, 1.3, 3.3))])
     for joint, wanted in ((PAPER, False), (RELEASE, True)):
         energy = JointEnergy(stage.problem, joint)
-        own = energy.visibility.hidden & energy.visibility.in_mask
+        own = energy.snapshot.visibility.hidden & energy.snapshot.visibility.in_mask
         assert own.any()
         assert bool((energy.weights["penetration"] > 0)[own].any()) == wanted
 

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from physic_core.engine import floor as engine_floor
 from physic_core.engine.floor import FloorEvidence
-from physic_core.geometry import floor, floor_ransac
+from physic_core.geometry import floor
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
 from physic_core.geometry.floor import FloorSearch
 from physic_core.geometry.pointmap import pointmap_normals
@@ -158,7 +158,7 @@ def test_a_mask_on_a_table_is_not_followed() -> None:
 def test_a_tilted_camera_beyond_the_roll_limit_finds_none(monkeypatch: pytest.MonkeyPatch) -> None:
     points = RAYS * meet(up(15, 40), 1.5).clamp(max=8)[..., None]
     assert fit_floor(points, ALL).plane is None
-    monkeypatch.setattr(floor_ransac, "MAX_ROLL_DEG", 50.0)
+    monkeypatch.setattr(floor, "MAX_ROLL_DEG", 50.0)
     assert fit_floor(points, ALL).plane is not None
 
 

@@ -13,16 +13,15 @@ import torch
 from torch import Tensor
 
 from physic_core import engine_preset
-from physic_core.engine.placement import method, solvers
-from physic_core.engine.placement.human_points import (
+from physic_core.engine.placement import method, terms
+from physic_core.engine.placement.place import PeopleObservations, PlacedBodies, Placement, place_bodies
+from physic_core.engine.placement.solve import (
     PhotoPoints,
     align_photo_points_to_scene,
     human_points,
     move_photo_points_to_scene,
 )
-from physic_core.engine.placement.place import PeopleObservations, PlacedBodies, Placement, place_bodies
-from physic_core.engine.placement.solvers import closed_form_translation, gauss_newton
-from physic_core.engine.placement.terms import PlacementProblem
+from physic_core.engine.placement.terms import PlacementProblem, closed_form_translation, gauss_newton
 from physic_core.geometry.alignment import Alignment
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays, project
 from physic_paper import outliers, translation
@@ -277,7 +276,7 @@ def test_closed_form_is_exact_for_exact_keypoints() -> None:
 
 
 def test_descent_never_raises_the_energy_and_leaves_fixed_numbers_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(solvers, "ITERATIONS", 1)
+    monkeypatch.setattr(terms, "ITERATIONS", 1)
     person = subject()
     term = replace(DEFAULT, robust_px_share=math.inf).reprojection_term(person)
 

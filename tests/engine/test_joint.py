@@ -11,10 +11,10 @@ import torch
 
 from physic_core import engine_preset
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.distances import lowest_height
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.joint.terms import reprojection
+from physic_core.engine.joint.terms import picture
+from physic_core.engine.joint.terms.scene import lowest_height
 from physic_core.errors import PhysicError
 from physic_core.geometry.camera import project
 from physic_paper.paper import PaperOptimisation
@@ -114,7 +114,7 @@ def test_legs_hidden_by_a_box_are_not_pushed_out_of_it(make_stage):
     blind = optimize(stage.problem, adjusted(SHORT, visibility__occlusion_aware=False))
     legs = stage.vertices[0, :, 1] > 0.7
     energy = JointEnergy(stage.problem, SHORT)
-    assert energy.visibility.hidden[0][legs[energy.context.ids]].float().mean() > 0.9
+    assert energy.snapshot.visibility.hidden[0][legs[energy.context.ids]].float().mean() > 0.9
     assert error_mm(aware, stage) < 5
     assert error_mm(blind, stage) > 5 * error_mm(aware, stage)
 
@@ -164,7 +164,7 @@ def test_legs_that_the_photo_does_not_show_feel_no_floor(standing, monkeypatch):
         assert (weight[0, on_legs] == 0).all()
     assert (energy.weights["soles"] == 0).all()
     for unseen_weight in (0.4, 0.0):
-        monkeypatch.setattr(reprojection, "_INVISIBLE_WEIGHT", unseen_weight)
+        monkeypatch.setattr(picture, "INVISIBLE_WEIGHT", unseen_weight)
         result = optimize(cut, SETTINGS)
         assert error_mm(result, standing) < 10
     assert (JointEnergy(cut, SETTINGS).context.keypoints.weight[0, 25:] == 0).all()  # knees, ankles, heels, toes

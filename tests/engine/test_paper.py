@@ -85,7 +85,7 @@ def test_hidden_vertices_are_regularised_more_than_visible_ones(make_stage, visi
     stage = make_stage([({}, (0.0, 0.0, 3.2))], boxes=[((-0.6, 0.55, 2.9), (0.6, 1.3, 3.12))])
     energy = JointEnergy(floor_grid(stage.problem), adjusted(PAPER, regularisation__visible_weight=visible))
     weight = energy.weights["regularisation"]
-    hidden = energy.visibility.hidden | ~energy.visibility.eligible
+    hidden = energy.snapshot.visibility.hidden | ~energy.snapshot.visibility.eligible
     assert 0.2 < hidden.float().mean() < 0.95
     assert weight[~hidden].unique().tolist() == [visible]
     assert weight[hidden].unique().tolist() == [12.0]
@@ -93,12 +93,12 @@ def test_hidden_vertices_are_regularised_more_than_visible_ones(make_stage, visi
 
 def test_camera_facing_vertices_are_picked_once_and_hidden_ones_again(start):
     energy = JointEnergy(start, PAPER)
-    facing, hidden = energy.visibility.facing, energy.visibility.hidden
+    facing, hidden = energy.snapshot.visibility.facing, energy.snapshot.visibility.hidden
     with torch.no_grad():
         energy.state.values["translation"][:, 0] += 0.3
     energy.refresh()
-    assert torch.equal(energy.visibility.facing, facing)
-    assert not torch.equal(energy.visibility.hidden, hidden)
+    assert torch.equal(energy.snapshot.visibility.facing, facing)
+    assert not torch.equal(energy.snapshot.visibility.hidden, hidden)
 
 
 def test_contact_outside_the_picture_counts(make_stage):
@@ -106,7 +106,7 @@ def test_contact_outside_the_picture_counts(make_stage):
     stage = make_stage([({}, (0.0, 0.0, 1.8))])
     energy = JointEnergy(floor_grid(stage.problem), PAPER)
     soles = torch.cat(energy.context.soles)
-    assert not energy.visibility.eligible[0, soles].any()
+    assert not energy.snapshot.visibility.eligible[0, soles].any()
     assert (energy.weights["contact"][0, soles] > 0).float().mean() > 0.9
 
 

@@ -10,9 +10,8 @@ import torch
 
 from physic_core import engine_preset
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.people_pairs import connected_groups, find_people_pairs, select_probes
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.joint.terms.people import PeopleTerm
+from physic_core.engine.joint.terms.people import PeopleTerm, connected_groups, find_people_pairs, select_probes
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.robust import geman_mcclure, pseudo_huber
 
@@ -65,14 +64,14 @@ def test_the_term_has_the_values_and_gradients_of_its_equation(crossing):
 
     def reference(vertices):
         offset = vertices[pairs.person, pairs.row] - vertices[pairs.other, pairs.other_row]
-        own = pair_energy((offset * pairs.normal).sum(-1), people._apart.weight, people._touch.weight)
+        own = pair_energy((offset * pairs.normal).sum(-1), people.apart.weight, people.touch.weight)
         return torch.zeros(2).index_add(0, pairs.person, own)
 
     def term(vertices):
         return people(SimpleNamespace(vertices=vertices))["people"]
 
     found, expected = term(vertices), reference(vertices)
-    assert people._touch.weight.gt(0).any()
+    assert people.touch.weight.gt(0).any()
     torch.testing.assert_close(found, expected)
     weight = torch.tensor([0.7, 1.3])
     torch.testing.assert_close(
@@ -120,7 +119,7 @@ def test_visible_hands_near_a_person_touch_them_and_nothing_else_is_pulled(cross
         energy = JointEnergy(replace(crossing.problem, **changes), settings(3.0, 0.8))
         assert add_people(energy) is not None
         people = energy.terms[-1]
-        return people.pairs.select(people._touch.weight > 0), energy.context
+        return people.pairs.select(people.touch.weight > 0), energy.context
 
     pairs, context = touching()
     model = crossing.problem.model

@@ -8,9 +8,8 @@ import pytest
 import torch
 
 from physic_core import engine_preset
-from physic_core.engine.placement.detections import ObservedPeople
-from physic_core.engine.placement.human_points import PhotoPoints
-from physic_core.engine.placement.solve import EstimatedBodies, PlacementInput, solve_placement
+from physic_core.engine.placement.place import ObservedPeople
+from physic_core.engine.placement.solve import EstimatedBodies, PhotoPoints, PlacementInput, solve_placement
 from physic_core.engine.scene.solve import SceneState
 from physic_core.engine.sizes.evidence import ScaleEvidence
 from physic_core.engine.sizes.known_sizes import KnownDistances, KnownGeometry, KnownScene, scale_scene

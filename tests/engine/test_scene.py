@@ -10,13 +10,12 @@ from torch import Tensor
 
 from physic_core import engine_preset
 from physic_core.engine.floor import FloorEvidence, find_floor
-from physic_core.engine.scene import cleaning
-from physic_core.engine.scene.camera import Cameras, convert_to_common_camera
-from physic_core.engine.scene.cleaning import edge_ratio
-from physic_core.engine.scene.method import SceneMethod
+from physic_core.engine.scene.method import Cameras, SceneMethod
 from physic_core.engine.scene.solve import SceneInput, SceneState, solve_scene
+from physic_core.geometry import pointmap
 from physic_core.geometry.camera import intrinsics_matrix, pixel_grid, pixel_rays, project
 from physic_core.geometry.plane import height_over_plane
+from physic_core.geometry.pointmap import edge_ratio
 from physic_core.types import AffineAmbiguity
 
 ROWS, COLUMNS = 120, 160
@@ -130,7 +129,7 @@ def test_of_two_estimated_cameras_the_mean_is_taken(seen: float) -> None:
 def test_a_point_map_of_another_camera_keeps_its_pixels_and_depth() -> None:
     own, given = camera(100.0), camera(200.0)
     points = pixel_rays(ROWS, COLUMNS, own) * DEPTH[..., None]
-    converted, _, _ = convert_to_common_camera(points, DEPTH, Cameras(given=given, pointmap=own))
+    converted, _, _ = SceneMethod().share_camera(points, DEPTH, Cameras(given=given, pointmap=own))
     torch.testing.assert_close(project(converted, given), pixel_grid(ROWS, COLUMNS, points))
     assert torch.equal(converted[..., 2], DEPTH)
 
@@ -162,7 +161,7 @@ def test_depth_edges_are_not_valid_but_keep_their_own_surfaces_normal() -> None:
 
 def test_the_grazing_far_floor_is_not_taken_for_an_edge(monkeypatch: pytest.MonkeyPatch) -> None:
     without = build_scene(RAYS * DEPTH[..., None], ALL, "scale", DEPTH, K=K, settings=SceneMethod(floor="off"))
-    monkeypatch.setattr(cleaning, "EDGE_RATIO", 1.01)
+    monkeypatch.setattr(pointmap, "EDGE_RATIO", 1.01)
     with_floor = build_scene(RAYS * DEPTH[..., None], ALL, "scale", DEPTH, K=K)
     far_floor = ON_FLOOR & (DEPTH > 4) & (DEPTH < 5.5)
     far_floor[:, 95:145] = False

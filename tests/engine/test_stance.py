@@ -11,7 +11,7 @@ import torch
 
 from physic_core import engine_preset
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.placement.detections import ObservedPeople
+from physic_core.engine.placement.place import ObservedPeople
 from physic_core.engine.stance import (
     Stance,
     depth_beside,

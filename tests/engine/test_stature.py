@@ -11,8 +11,7 @@ import torch
 
 from physic_core import engine_preset
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.sizes import linearise_stature, size_sigmas, stature_prior
-from physic_core.engine.sizes.stature import STATURE_SIGMA
+from physic_core.engine.sizes.stature import STATURE_SIGMA, linearise_stature, size_sigmas
 
 from .adjusted import adjusted
 
@@ -25,19 +24,6 @@ def test_stature_is_linear_in_shape(body):
     for seed in range(5):
         other = 0.7 * torch.randn(1, body.num_betas, generator=torch.Generator().manual_seed(seed))
         assert stature(other).item() == pytest.approx(body.stature(other).item(), abs=3e-3)
-
-
-def test_the_gradient_of_the_stature_term_is_exact(body):
-    model = body.to(dtype=torch.float64)
-    stature = linearise_stature(model, torch.zeros(2, body.num_betas, dtype=torch.float64))
-    betas = (
-        0.3
-        * torch.randn(
-            2, body.num_betas, generator=torch.Generator().manual_seed(0), dtype=torch.float64
-        ).requires_grad_()
-    )
-    expected = torch.tensor([1.7, 1.6], dtype=torch.float64)
-    assert torch.autograd.gradcheck(lambda b: stature_prior(stature(b), expected, 0.04), betas)
 
 
 def test_the_size_of_people_of_unknown_age_includes_children():

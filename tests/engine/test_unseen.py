@@ -12,7 +12,7 @@ from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.joint.context import STATIC_CONTACT_PARTS
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.joint.terms import reprojection
+from physic_core.engine.joint.terms import picture
 from physic_core.engine.joint.terms.surface import SurfaceTerms
 from physic_core.engine.limbs import keypoints_of_observed_limbs
 from physic_core.geometry.rotations import rotvec_to_rotmat
@@ -35,7 +35,7 @@ NAMES = SKELETONS["blazepose33"].names
 def test_usual_contact_parts_count_without_a_prior(standing, changes, share):
     nobody = replace(standing.problem, contact_probability=0 * standing.problem.contact_probability)
     energy = JointEnergy(nobody, adjusted(SETTINGS, **changes))
-    prior = term_of(energy, SurfaceTerms).parts.contact.prior
+    prior = term_of(energy, SurfaceTerms).contact.prior
     likely = torch.zeros(nobody.model.num_vertices, dtype=torch.bool)
     for name in STATIC_CONTACT_PARTS:
         likely[nobody.model.contact_sets[name]] = True
@@ -44,7 +44,7 @@ def test_usual_contact_parts_count_without_a_prior(standing, changes, share):
 
 def test_the_prior_goes_before_likely_parts(standing):
     prior, both = (
-        term_of(JointEnergy(standing.problem, settings), SurfaceTerms).parts.contact.prior
+        term_of(JointEnergy(standing.problem, settings), SurfaceTerms).contact.prior
         for settings in (adjusted(SETTINGS, contact__static_weight=weight) for weight in (0.0, 0.25))
     )
     assert (prior > 0).any()
@@ -72,7 +72,7 @@ def sole_height(problem, vertices):
 
 
 def test_an_unseen_foot_that_hovers_comes_down(standing, monkeypatch):
-    monkeypatch.setattr(reprojection, "_INVISIBLE_WEIGHT", 0.0)
+    monkeypatch.setattr(picture, "INVISIBLE_WEIGHT", 0.0)
     problem = lifted(standing, 0.06)
     start = problem.model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0).vertices
     assert 0.03 < sole_height(problem, start) < 0.1
@@ -85,7 +85,7 @@ def test_an_unseen_foot_that_hovers_comes_down(standing, monkeypatch):
 
 
 def test_guessed_keypoints_count_by_their_own_weight(standing, monkeypatch):
-    monkeypatch.setattr(reprojection, "_INVISIBLE_WEIGHT", 0.5)
+    monkeypatch.setattr(picture, "INVISIBLE_WEIGHT", 0.5)
     problem = lifted(standing, 0.06)
     hidden = ~keypoints_of_observed_limbs(problem.skeleton, problem.observed)
     assert hidden.sum() >= 2
@@ -103,7 +103,7 @@ def test_guessed_keypoints_bring_a_hidden_foot_back(standing, monkeypatch):
     aside[:, hip] = aside[:, hip] @ rotvec_to_rotmat(torch.tensor([0.0, 0.0, 0.12]))
 
     def off(weight):
-        monkeypatch.setattr(reprojection, "_INVISIBLE_WEIGHT", weight)
+        monkeypatch.setattr(picture, "INVISIBLE_WEIGHT", weight)
         end = optimize(replace(problem, rotations0=aside), SETTINGS).joints
         return float((end - posed.joints)[0, ankle].norm())
 

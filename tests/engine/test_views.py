@@ -16,7 +16,7 @@ from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.problem import OtherView
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.term import PosedBodies
-from physic_core.engine.joint.terms.views import ViewsTerm
+from physic_core.engine.joint.terms.picture import ViewsTerm
 from physic_core.errors import PhysicError
 from physic_testing.worlds import BLAZEPOSE
 
@@ -166,7 +166,7 @@ def test_what_another_camera_shows_takes_part_in_contact(raised):
     shown = {}
     for name, views in (("alone", ()), ("views", (view_of(raised, 40.0),)), ("blank", (blank(view_of(raised, 40.0)),))):
         energy = JointEnergy(replace(problem, views=views).to_model_dtype(), SETTINGS)
-        shown[name] = float(energy.visibility.eligible[0, hand[energy.context.ids]].float().mean())
+        shown[name] = float(energy.snapshot.visibility.eligible[0, hand[energy.context.ids]].float().mean())
     assert shown == {"alone": 0.0, "views": 1.0, "blank": 0.0}
 
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from physic_core.geometry.free_space import move_behind_bodies
+from physic_core.geometry.visibility import move_behind_bodies
 
 RADIUS = 0.25
 _BALL = trimesh.creation.icosphere(subdivisions=4, radius=RADIUS)

@@ -51,14 +51,6 @@ def test_unprojected_pixels_project_back(x: float, y: float, z: float) -> None:
     torch.testing.assert_close(again, point)
 
 
-def test_gradients_of_projection_are_exact() -> None:
-    points = torch.tensor([[0.3, -0.2, 1.5], [1.0, 0.4, 4.0]], dtype=torch.float64, requires_grad=True)
-    assert torch.autograd.gradcheck(lambda p: project(p, K), points)
-    depth = torch.tensor([1.5, 3.0], dtype=torch.float64, requires_grad=True)
-    uv = torch.tensor([[10.0, 20.0], [600.0, 300.0]], dtype=torch.float64, requires_grad=True)
-    assert torch.autograd.gradcheck(lambda p, d: unproject(p, d, K), (uv, depth))
-
-
 def test_what_is_behind_the_camera_keeps_pixel_and_gradient_finite() -> None:
     points = torch.tensor([[0.1, 0.1, 0.0], [0.1, 0.1, -1.0]], dtype=torch.float64, requires_grad=True)
     uv = project(points, K)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from physic_core.body import load_body
-from physic_core.geometry.coarse_mesh import cluster_points, coarse_mesh
+from physic_core.geometry.mesh import cluster_points, coarse_mesh
 from physic_core.geometry.visibility import self_occlusion
 
 

@@ -7,7 +7,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from physic_core.geometry.free_space import front_depth, in_free_space
+from physic_core.geometry.visibility import front_depth, in_free_space
 from physic_core.metrics import hidden_by_depth_map
 from physic_core.types import Intrinsics
 

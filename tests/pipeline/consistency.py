@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from physic_core.body.parameters import rotations_from_parameters
+from physic_core.body.bones import rotations_from_parameters
 from physic_core.body.posture import lean_deg, standing_legs
 from physic_core.types import skeleton_named
 

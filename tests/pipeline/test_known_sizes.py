@@ -13,12 +13,10 @@ from click.testing import CliRunner
 
 from physic_core import InputError, KnownLength, KnownSizes, Reconstruction, load_config, reconstruct
 from physic_core.body import load_body
-from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
+from physic_core.body.bones import parameters_from_rotations, rotations_from_parameters
 from physic_core.cli import main
-from physic_core.engine.sizes import betas_with_stature
-from physic_core.engine.sizes.body_points import vertices_at_ray
-from physic_core.engine.sizes.known_sizes import KnownDistances, KnownGeometry
-from physic_core.engine.sizes.stature import stature_factor
+from physic_core.engine.sizes.known_sizes import KnownDistances, KnownGeometry, vertices_at_ray
+from physic_core.engine.sizes.stature import betas_with_stature, stature_factor
 from physic_core.errors import ConfigError
 from physic_core.pipeline.known_people import bodies_of_stature, known_people
 from physic_core.types import Bodies, People

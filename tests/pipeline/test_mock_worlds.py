@@ -10,7 +10,7 @@ import torch
 
 from physic_core import Reconstruction, load_config, reconstruct
 from physic_core.body import load_body
-from physic_core.body.parameters import rotations_from_parameters
+from physic_core.body.bones import rotations_from_parameters
 from physic_core.configuration.resolve import resolve
 from physic_core.engine.joint import solve as joint
 from physic_core.errors import BackendError

@@ -10,8 +10,8 @@ import torch
 
 from physic_core import load_config, reconstruct
 from physic_core.body import load_body
+from physic_core.body.bones import rotations_from_parameters
 from physic_core.body.convert.bodies import rest_mesh_of_model
-from physic_core.body.parameters import rotations_from_parameters
 from physic_core.errors import BodyModelError
 from physic_core.interfaces import BodyEstimator
 from physic_core.pipeline.backend_results import discard_invalid_bodies

@@ -8,7 +8,7 @@ import torch
 
 from physic_core import Reconstruction, load_config, reconstruct
 from physic_core.body import load_body
-from physic_core.geometry.free_space import move_behind_bodies
+from physic_core.geometry.visibility import move_behind_bodies
 from physic_testing.worlds import World, build_world
 
 pytestmark = pytest.mark.kernels

@@ -15,7 +15,13 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from physic_core.body.bones import BoneOffsets, rotations_from_parents, rotations_from_tpose
+from physic_core.body.bones import (
+    BoneOffsets,
+    parameters_from_rotations,
+    rotations_from_parameters,
+    rotations_from_parents,
+    rotations_from_tpose,
+)
 from physic_core.body.convert.correspondence import Correspondence, find_correspondence
 from physic_core.body.convert.joint_fit import BodyFit, finite_rows, fit_joints, has_torso_joints
 from physic_core.body.convert.surface_fit import (
@@ -25,8 +31,7 @@ from physic_core.body.convert.surface_fit import (
     fit_surface,
     sample_vertices,
 )
-from physic_core.body.joints import JOINT_INDEX, NUM_JOINTS
-from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
+from physic_core.body.joints import JOINT_INDEX, NUM_JOINTS, ROTATION_FIELDS
 from physic_core.errors import BodyModelError
 from physic_core.types import Bodies, BodyParameters, ContactProbability, Mesh, RestMesh
 
@@ -78,11 +83,6 @@ def can_convert(bodies: Bodies, model: BodyModel) -> bool:
     return known or bodies.body_model in (model.name, "embedded")
 
 
-def convert_bodies(bodies: Bodies, model: BodyModel) -> Bodies:
-    """Convert bodies to another body model; see :func:`convert_with_residuals`."""
-    return convert_with_residuals(bodies, model).bodies
-
-
 def convert_with_residuals(
     bodies: Bodies, model: BodyModel, find: _FindCorrespondence = find_correspondence
 ) -> ConvertedBodies:
@@ -103,7 +103,9 @@ def convert_with_residuals(
             "joints of SMPL-X (Bodies.joints), or a mesh with its T-pose (Bodies.mesh)"
         )
     joints, mesh = _joints_and_mesh(bodies, model)
-    known, usable = finite_rows(joints), finite_rows(_pose_vector(bodies.parameters))
+    p = bodies.parameters
+    pose = [*(getattr(p, name) for name, _ in ROTATION_FIELDS), p.transl]
+    known, usable = finite_rows(joints), finite_rows(np.concatenate(pose, 1))
     usable &= has_torso_joints(known) if mesh is None else finite_rows(mesh.vertices.reshape(len(usable), -1))
     surface_m = None
     if not usable.any():
@@ -215,13 +217,6 @@ def _fit_to_surface(model: BodyModel, mesh: Mesh, find: _FindCorrespondence) -> 
         )
     fit = fit_surface(patches, SurfaceTargets(points, np.broadcast_to(weights, points.shape[:2])), sigma_m=sigma)
     return fit, (np.linalg.norm(patches.posed(fit) - points, axis=-1) * weights).sum(1) / max(weights.sum(), 1.0)
-
-
-def _pose_vector(parameters: BodyParameters) -> _Array:
-    """Concatenate all pose parameters and the translation to (N, 168)."""
-    p = parameters
-    poses = (p.global_orient, p.body_pose, p.left_hand_pose, p.right_hand_pose, p.jaw_pose, p.leye_pose, p.reye_pose)
-    return np.concatenate([*poses, p.transl], 1).astype(np.float64)
 
 
 def _fit_to_parameters(fit: BodyFit, model: BodyModel, rows: _Bools) -> BodyParameters:

@@ -18,9 +18,9 @@ from physic_core.body.bones import ANCESTOR_MATRIX, fit_shape
 from physic_core.body.convert.joint_fit import BodyFit
 from physic_core.body.convert.surface_fit import SampledBodyModel, SurfaceTargets, fit_surface, sample_vertices
 from physic_core.body.joints import joint_pair
-from physic_core.body.rotations import cross, rotation_between, unit
 from physic_core.errors import BodyModelError
 from physic_core.geometry.mesh import vertex_normals
+from physic_core.geometry.rotations import cross, rotation_between, unit
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel

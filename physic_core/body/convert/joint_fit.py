@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from physic_core.body.bones import BoneOffsets, fit_shape
 from physic_core.body.joints import FINGER_JOINTS, JOINT_INDEX, JOINT_NAMES, PARENTS, joint_pair
-from physic_core.body.rotations import (
+from physic_core.geometry.rotations import (
     cross,
     frame_from_axes,
     nearest_rotation,
@@ -93,14 +93,14 @@ def rotations_from_joints(joints: _Array, rest: _Array) -> _Array:
 def _set_trunk(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> None:
     """Set the rotations of pelvis, spine and collars."""
     hips, rest_hips = joints[:, _HIPS].mean(1), rest[:, _HIPS].mean(1)
-    top, rest_top = _joint_or(joints, rest, known, "neck", *_midpoint(joints, rest, known, _SHOULDERS))
+    top, rest_top = _joint_or(joints, rest, known, "neck", joints[:, _SHOULDERS].mean(1), rest[:, _SHOULDERS].mean(1))
     middle, rest_middle = _joint_or(joints, rest, known, "spine3", top, rest_top)
     middle, rest_middle = _joint_or(joints, rest, known, "spine2", middle, rest_middle)
     low = _align([_left_minus_right(joints, rest, _HIPS), (middle - hips, rest_middle - rest_hips)])
     # The upper trunk starts at the middle of the spine if that is known.
     same = (middle == top).all(-1, keepdims=True)
     base, rest_base = np.where(same, hips, middle), np.where(same, rest_hips, rest_middle)
-    wide = _all_true(known[:, _SHOULDERS])[:, None]
+    wide = known[:, _SHOULDERS].all(-1, keepdims=True)
     across, rest_across = _left_minus_right(joints, rest, _SHOULDERS)
     high = _align([(np.where(wide, across, rotate(low, rest_across)), rest_across), (top - base, rest_top - rest_base)])
     world[:, _PELVIS], world[:, _SPINE3] = low, high
@@ -118,9 +118,9 @@ def _set_head(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> Non
     neck, head = JOINT_INDEX["neck"], JOINT_INDEX["head"]
     chest = world[:, _SPINE3]
     way = rotation_between(rotate(chest, rest[:, head] - rest[:, neck]), joints[:, head] - joints[:, neck])
-    seen = _all_true(known[:, [neck, head]])[:, None, None]
+    seen = (known[:, neck] & known[:, head])[:, None, None]
     world[:, neck] = np.where(seen, way @ chest, chest)
-    looks = _all_true(known[:, [head, *_EYES]])[:, None, None]
+    looks = np.logical_and.reduce(known[:, [head, *_EYES]], axis=-1)[:, None, None]
     face = _align(
         [
             _left_minus_right(joints, rest, _EYES),
@@ -200,12 +200,6 @@ def _set_hands(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> No
         world[:, _FINGERS[..., joint]] = above
 
 
-def _all_true(flags: _Bools) -> _Bools:
-    """Return whether all flags along the last axis are true."""
-    every: _Bools = np.logical_and.reduce(flags, axis=-1)
-    return every
-
-
 def _align(sticks: list[tuple[_Array, _Array]]) -> _Array:
     """Return the rotation (B, 3, 3) that best aligns T-pose directions with posed ones, each pair (B, 3)."""
     moments = sum(unit(now)[:, :, None] * unit(rest)[:, None, :] for now, rest in sticks)
@@ -219,11 +213,6 @@ def _joint_or(
     i = JOINT_INDEX[name]
     seen = known[:, i, None]
     return np.where(seen, joints[:, i], other), np.where(seen, rest[:, i], rest_other)
-
-
-def _midpoint(joints: _Array, rest: _Array, known: _Bools, pair: list[int]) -> tuple[_Array, _Array]:
-    """Return the midpoint of a joint pair, in the pose and in the T-pose."""
-    return joints[:, pair].mean(1), rest[:, pair].mean(1)
 
 
 def _left_minus_right(joints: _Array, rest: _Array, pair: list[int]) -> tuple[_Array, _Array]:
@@ -259,13 +248,9 @@ _SIGMA_M = {
 """Standard deviation between the joints of two models on the same body, metres."""
 
 
-def _sigma(name: str) -> float:
-    """Return the standard deviation of a joint, metres."""
-    kind = name.removeprefix("left_").removeprefix("right_").rstrip("123")
-    return _SIGMA_M.get(kind, 0.045)
-
-
-_WEIGHT = np.array([1 / _sigma(name) ** 2 for name in JOINT_NAMES])
+_OTHER_SIGMA_M = 0.045
+_KINDS = [name.removeprefix("left_").removeprefix("right_").rstrip("123") for name in JOINT_NAMES]
+_WEIGHT = np.array([1 / _SIGMA_M.get(kind, _OTHER_SIGMA_M) ** 2 for kind in _KINDS])
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from physic_core.body.bones import (
 )
 from physic_core.body.convert.joint_fit import BodyFit
 from physic_core.body.joints import NUM_JOINTS, PARENTS
-from physic_core.body.rotations import cross, nearest_rotation, rotvec_to_rotmat_numpy
+from physic_core.geometry.rotations import cross, nearest_rotation, rotvec_to_rotmat_numpy
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
@@ -77,15 +77,15 @@ class SampledBodyModel:
         poses = directions[count + model.num_expression :].numpy()
         eye = torch.eye(3).repeat(NUM_JOINTS, 1, 1)
         return cls(
-            BoneOffsets.of(model),
-            ids,
-            skin.template.T.double().cpu().numpy(),
-            directions[:count].double().numpy(),
-            poses if len(poses) else None,
-            skin.weights.T.double().cpu().numpy(),
-            kinematics.template.double().cpu().numpy(),
-            kinematics.directions[:count].double().cpu().numpy().reshape(count, NUM_JOINTS, 3),
-            (eye if kinematics.bind_rot is None else kinematics.bind_rot).double().cpu().numpy(),
+            bones=BoneOffsets.of(model),
+            ids=ids,
+            template=skin.template.T.double().cpu().numpy(),
+            directions=directions[:count].double().numpy(),
+            correctives=poses if len(poses) else None,
+            weights=skin.weights.T.double().cpu().numpy(),
+            joints=kinematics.template.double().cpu().numpy(),
+            joint_directions=kinematics.directions[:count].double().cpu().numpy().reshape(count, NUM_JOINTS, 3),
+            bound=(eye if kinematics.bind_rot is None else kinematics.bind_rot).double().cpu().numpy(),
         )
 
     @cached_property

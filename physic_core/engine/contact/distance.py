@@ -79,7 +79,7 @@ def surface_distances(
     """Return the signed distances of vertices (..., V, 3), metres, to scene and floor.
 
     The distance is positive at points without a normal, and for vertices in free space, ``free`` (..., V) bool, see
-    :mod:`physic_core.geometry.free_space`.
+    :mod:`physic_core.geometry.visibility`.
     """
     scene = surfaces.scene
     nearest = scene.query(vertices, radius=SEARCH_RADIUS_M)

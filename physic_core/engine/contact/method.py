@@ -14,7 +14,7 @@ from physic_core.engine.contact.features import KINDS, Distances, feature_column
 from physic_core.engine.contact.parts import scene_contact, scene_parts_of_body
 from physic_core.engine.contact.probability import contact_model
 from physic_core.engine.touch import LEAST_PROBABILITY
-from physic_core.geometry.free_space import front_depth, in_free_space
+from physic_core.geometry.visibility import front_depth, in_free_space
 from physic_core.types.bounds import Share
 
 if TYPE_CHECKING:

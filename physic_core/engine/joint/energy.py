@@ -7,14 +7,13 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.contact_state import MAX_MOTION_M, ContactState, update_contacts
+from physic_core.engine.joint.context import precompute
 from physic_core.engine.joint.method import JointMethod
-from physic_core.engine.joint.people_pairs import connected_groups
-from physic_core.engine.joint.precompute import precompute
 from physic_core.engine.joint.problem import JointProblem
+from physic_core.engine.joint.snapshot import MAX_MOTION_M, OcclusionTracker, Visibility, update_contacts
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
-from physic_core.engine.joint.terms.views import ViewsTerm
-from physic_core.engine.joint.visibility import OcclusionTracker, Visibility
+from physic_core.engine.joint.terms.people import connected_groups
+from physic_core.engine.joint.terms.picture import ViewsTerm
 from physic_core.errors import PhysicError
 
 _MARGIN_M = 0.1  # of MAX_MOTION_M that is left when the search structure is built again
@@ -33,10 +32,8 @@ class JointEnergy:
     Attributes:
         state: the free parameters.
         terms: summands of the energy.
-        visibility: of the vertices, at the last refresh.
-        contacts: nearest points and distances, at the last refresh or evaluation.
         scene: search structure of the scene points near the people.
-        snapshot: what the terms were refreshed with.
+        snapshot: visibility, nearest points and distances that the terms were refreshed with.
         evaluations: number of calls.
 
     Raises:
@@ -52,17 +49,15 @@ class JointEnergy:
         self._people = None if bool((weights == 1).all()) else weights
         self.terms = tuple(settings.terms(self.context, self.state))
         if problem.known is not None:  # known sizes are a part of every energy
-            from physic_core.engine.joint.terms.known_sizes import KnownSizeTerm
+            from physic_core.engine.joint.terms.body import KnownSizeTerm
 
             self.terms = (*self.terms, KnownSizeTerm(self.context))
         if problem.views and not any(isinstance(term, ViewsTerm) for term in self.terms):
             raise PhysicError("only the engine preset 'default' uses other cameras: omit its views")
-        self.visibility: Visibility
-        self.contacts: ContactState
         self._gathered = self.context.start.vertices
         self.scene = settings.nearby_scene(self.context, self._gathered, 1.0)
         self._self_occlusion = OcclusionTracker(self.context)
-        self._last_visibility: Visibility | None = None
+        self._visibility: Visibility | None = None
         self.snapshot: Snapshot
         self.refresh()
 
@@ -99,14 +94,13 @@ class JointEnergy:
         if not (unscaled - self._gathered).abs().amax() < MAX_MOTION_M - _MARGIN_M:
             self._gathered = unscaled
             self.scene = self._settings.nearby_scene(context, bodies.vertices, scale)
-        self.visibility = self._settings.update_visibility(context, bodies, self._self_occlusion, self._last_visibility)
-        self._last_visibility = self.visibility
-        self._update(bodies.vertices[:, context.ids], scale)
+        self._visibility = self._settings.update_visibility(context, bodies, self._self_occlusion, self._visibility)
+        self._update(self._visibility, bodies.vertices[:, context.ids], scale)
 
-    def _update(self, vertices: Tensor, scale: float) -> None:
+    def _update(self, visibility: Visibility, vertices: Tensor, scale: float) -> None:
         """Update nearest points and the weights of each term."""
-        self.contacts = update_contacts(self.context, self.visibility.normals, self.scene, vertices, scale)
-        self.snapshot = Snapshot(self.visibility, self.contacts, vertices, scale)
+        contacts = update_contacts(self.context, visibility.normals, self.scene, vertices, scale)
+        self.snapshot = Snapshot(visibility, contacts, vertices, scale)
         for term in self.terms:
             term.refresh(self.snapshot)
 
@@ -115,7 +109,8 @@ class JointEnergy:
         self.evaluations += 1
         bodies = self._posed_bodies()
         if self._settings.nearest_every_step:
-            self._update(bodies.vertices.detach(), float(bodies.estimate.log_scale.detach().exp()))
+            scale = float(bodies.estimate.log_scale.detach().exp())
+            self._update(self.snapshot.visibility, bodies.vertices.detach(), scale)
         energies = {name: value for term in self.terms for name, value in term(bodies).items()}
         if self._people is None:
             return energies

@@ -10,14 +10,13 @@ from typing import ClassVar, Self
 from torch import Tensor
 
 from physic_core.body.model import BodyOutput
-from physic_core.engine.joint.contact_state import nearby_scene
 from physic_core.engine.joint.context import JointContext, VisibilitySettings, WeightedKeypoints, select_surface
 from physic_core.engine.joint.optimiser import OptimiserSettings
 from physic_core.engine.joint.problem import JointProblem
+from physic_core.engine.joint.snapshot import MAX_MOTION_M, OcclusionTracker, Visibility, update_visibility
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Term
-from physic_core.engine.joint.visibility import OcclusionTracker, Visibility, update_visibility
-from physic_core.geometry.neighbors import NearestPointSearch
+from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
 from physic_core.types.bounds import FrozenGroups
 
 _LEAST_SIZE = 0.1  # of a person beside the best visible one; with less, the optimiser would stop before they converge
@@ -72,8 +71,13 @@ class JointMethod(ABC):
         return area_m2 / _AREA_UNIT_M2
 
     def nearby_scene(self, context: JointContext, vertices: Tensor, scale: float) -> NearestPointSearch:
-        """Return the search structure of the scene points near people (B, V, 3), metres, at a scale of the scene."""
-        return nearby_scene(context, vertices, scale)
+        """Return the search structure of the scene points near people (B, V, 3), metres, at a scale of the scene.
+
+        A margin is left for the motion of people.
+        """
+        points, normals, radius = context.problem.scene_points, context.problem.scene_normals, context.search_radius_m
+        keep = inside_body_boxes(points, vertices / scale, (radius + MAX_MOTION_M) / scale)
+        return NearestPointSearch(points[keep], normals[keep], radius)
 
     def update_visibility(
         self, context: JointContext, bodies: BodyOutput, self_occlusion: OcclusionTracker, last: Visibility | None

@@ -72,22 +72,6 @@ class Estimate(ShortRepr):
     log_scales: Tensor
 
 
-@dataclass(frozen=True)
-class StateSigmas:
-    """Expected sizes of log scale and log depth offset, used for whitening.
-
-    Attributes:
-        scale: of log(scale).
-        offset: of the depth offsets; (B,) differs per person. 0 fixes the offset.
-    """
-
-    scale: float = DEPTH_SCALE_SIGMA
-    offset: float | Tensor = 0.2
-
-
-_DEFAULT_SIGMAS = StateSigmas()
-
-
 class State:
     """Free parameters of B people and their scene.
 
@@ -103,7 +87,8 @@ class State:
         transl: (B, 3) metres, at the start.
         pelvis: (B, 3) metres, the pelvis joint at the start. Translations are along and across its ray.
         frozen: groups of :data:`PARAMETER_GROUPS` that are kept constant.
-        sigmas: expected sizes of scale and depth offset.
+        scale_sigma: expected size of log(scale).
+        offset_sigma: expected size of the log depth offsets; (B,) differs per person. 0 fixes the offset.
 
     Raises:
         PhysicError: unknown parameter group.
@@ -117,7 +102,8 @@ class State:
         pelvis: Tensor,
         *,
         frozen: Sequence[str] = (),
-        sigmas: StateSigmas = _DEFAULT_SIGMAS,
+        scale_sigma: float = DEPTH_SCALE_SIGMA,
+        offset_sigma: float | Tensor = 0.2,
     ) -> None:
         unknown = sorted(set(frozen) - set(PARAMETER_GROUPS))
         if unknown:
@@ -138,8 +124,8 @@ class State:
         self._sigmas: dict[str, Tensor | float] = {
             "betas": _BETA_SIGMA,
             "translation": torch.tensor([_RAY_SIGMA, _RAY_SIGMA, _DEPTH_SIGMA], device=device, dtype=dtype),
-            "scale": sigmas.scale,
-            "offset": sigmas.offset,
+            "scale": scale_sigma,
+            "offset": offset_sigma,
         }
         body, hands = rotations[:, BODY].detach(), rotations[:, HANDS].detach()
         root_sigma, hand_sigmas = (
@@ -152,7 +138,7 @@ class State:
         self._after = torch.cat([rotations[:, :1].detach(), one.expand(-1, body.shape[1] + hands.shape[1], 3, 3)], 1)
         self._ray = self._pelvis / self._pelvis[:, 2:]
         self._across = transl.new_tensor([1.0, 1.0, 0.0])
-        self.offset_free = (transl.new_zeros(people) + sigmas.offset) > 0
+        self.offset_free = (transl.new_zeros(people) + offset_sigma) > 0
         self.scale_shares = transl.new_zeros(people).requires_grad_()
         self.values: dict[str, Tensor] = self._initial_values()
         self.free: tuple[str, ...] = tuple(g for g in PARAMETER_GROUPS if g not in frozen)

@@ -20,22 +20,24 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.limbs import placement_keypoints
-from physic_core.engine.placement.background import dilate_square, nearness_to_people
-from physic_core.engine.placement.solvers import TRANSLATION, closed_form_translation, gauss_newton, term_energy
 from physic_core.engine.placement.terms import (
     FEWEST_KEYPOINTS,
     NEAREST_M,
+    TRANSLATION,
     ChamferTerm,
     PlacementFloorTerm,
     PlacementProblem,
     PlacementReprojectionTerm,
     PlacementTerm,
+    closed_form_translation,
+    gauss_newton,
+    term_energy,
 )
-from physic_core.engine.scene.cleaning import edge_ratio
 from physic_core.geometry.alignment import AlignmentOptions
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_normals
-from physic_core.geometry.pointmap import depth_edges, isolated_pixels
+from physic_core.geometry.pointmap import depth_edges, edge_ratio, isolated_pixels
+from physic_core.geometry.tensors import dilate_square, quantiles
 from physic_core.geometry.visibility import facing_camera, inside_mask
 from physic_core.types import Skeleton
 from physic_core.types.bounds import NotNegative, PointCount, PositiveOrInfinite, Share
@@ -48,6 +50,9 @@ FEWEST_POINTS = 50
 """Minimum number of human points and of camera-facing vertices for Eq. 4."""
 
 _MASK_GROWTH = 0.01  # of the long image side: networks blur depth at the silhouette
+_DEPTH_SHARE = 0.15  # standard deviation of the background weight, as a share of the inverse depth range
+_QUANTILE_PIXELS = 20_000
+_FAR_WEIGHT = 0.05  # weight of background far from the people's depth
 _FACING_DEG = 70.0  # between a vertex's normal and the direction to the camera
 _OFFSET_COST_M = 0.05  # distance that costs as much as a depth offset of one sigma
 _ROUNDS = 2  # selections of camera-facing vertices
@@ -111,8 +116,22 @@ class PlacementMethod:
         return dilate_square(people, round(_MASK_GROWTH * max(people.shape)))
 
     def weigh_background(self, depth: Tensor, valid: Tensor, people: Tensor, background: Tensor) -> Tensor | None:
-        """Return the weight (H, W) of background pixels in the alignment, from the depth (H, W); None means uniform."""
-        return nearness_to_people(depth, valid, people, background)
+        """Return the weight (H, W) of background pixels in the alignment, from the depth (H, W); None means uniform.
+
+        It is by the difference of inverse depth to people. Two point maps of one scene differ by more than an affine
+        map. Without weights, sky and far walls would dominate the alignment, and the ground at the feet would be wrong.
+        """
+        inverse = torch.where(valid & (depth > 0), 1 / depth, 0.0)
+        own, others = inverse[people & (inverse > 0)], inverse[background & (inverse > 0)]
+        if not len(own) or not len(others):
+            return None
+        low, high = quantiles(own, (0.1, 0.9), _QUANTILE_PIXELS)
+        nearest, farthest = quantiles(torch.cat((own, others)), (0.01, 0.99), _QUANTILE_PIXELS)
+        extent = farthest - nearest
+        if not extent > 0:
+            return None
+        gap = torch.maximum(low - inverse, inverse - high).clamp(min=0) / (_DEPTH_SHARE * extent)
+        return _FAR_WEIGHT + (1 - _FAR_WEIGHT) * torch.exp(-0.5 * gap.square())
 
     def clean_points(self, cloud: Tensor, known: Tensor, inside: Tensor, size: tuple[int, ...]) -> Tensor:
         """Return the points (M, 3) of one person.

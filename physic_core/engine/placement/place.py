@@ -1,8 +1,7 @@
 """Stage 2: translate each body to fit its keypoints (Eq. 2) and its human points (Eq. 3-4).
 
-:class:`physic_core.engine.placement.method.PlacementMethod` states the energy.
-
-OpenCV camera frame, metres. Float64 on the CPU, which is fastest for k-d trees of a few thousand points.
+:class:`physic_core.engine.placement.method.PlacementMethod` states the energy. Float64 on the CPU, which is fastest for
+k-d trees of a few thousand points. OpenCV camera frame, metres.
 """
 
 from __future__ import annotations
@@ -18,9 +17,29 @@ from torch import Tensor
 from physic_core.engine.placement.method import FEWEST_POINTS, Fit, PlacementMethod
 from physic_core.engine.placement.terms import FEWEST_KEYPOINTS, NEAREST_M, PlacementProblem
 from physic_core.geometry.camera import project
+from physic_core.types import Skeleton
 from physic_core.types.short_repr import ShortRepr
 
 _FARTHEST = 1e3  # times the estimated distance, that a body is placed at
+
+
+@dataclass(frozen=True)
+class ObservedPeople:
+    """Results of detectors and estimators for B people.
+
+    Attributes:
+        skeleton: of the J keypoints.
+        keypoints: (B, J, 2) px.
+        confidence: (B, J) in [0, 1].
+        observed: (B, 55) bool, joints that the body estimator reports as visible.
+        masks: (B, H, W) bool, visible pixels of each person.
+    """
+
+    skeleton: Skeleton
+    keypoints: Tensor
+    confidence: Tensor
+    observed: Tensor
+    masks: Tensor
 
 
 @dataclass(frozen=True)
@@ -51,7 +70,7 @@ class PeopleObservations:
     Attributes:
         keypoints: (B, J, 2) px.
         confidence: (B, J) in [0, 1].
-        points: B tensors (M_i, 3) metres, see :func:`physic_core.engine.placement.human_points.human_points`.
+        points: B tensors (M_i, 3) metres, see :func:`physic_core.engine.placement.solve.human_points`.
         masks: (B, H, W) bool, visible pixels of each person.
         feet_seen: (B,) bool, people with visible feet; None disables the floor term.
     """
@@ -61,23 +80,6 @@ class PeopleObservations:
     points: Sequence[Tensor]
     masks: Tensor
     feet_seen: Tensor | None = None
-
-
-@dataclass(frozen=True)
-class PersonPlacement(ShortRepr):
-    """Placement of one person, float64 on the CPU.
-
-    Attributes:
-        move: (3,) metres, added to the estimated translation.
-        on_floor: whether the floor was used.
-        keypoint_move: (3,) metres, translation by the keypoints alone (Eq. 2).
-        diagnostics: see :class:`Placement`.
-    """
-
-    move: Tensor
-    on_floor: bool
-    keypoint_move: Tensor
-    diagnostics: Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -91,13 +93,13 @@ class Placement(ShortRepr):
             "start" and "end"; "moved_m"; "depth_offset"; "foot_height_m" over the floor (None without a
             floor, and for a person not on it); "problem", a message or None.
         keypoint_transl: (B, 3) metres, by the keypoints alone (Eq. 2).
-        people: placement of each person.
+        on_floor: per person, whether the floor was used.
     """
 
     transl: Tensor
     diagnostics: tuple[Mapping[str, Any], ...]
     keypoint_transl: Tensor
-    people: tuple[PersonPlacement, ...] = ()
+    on_floor: tuple[bool, ...] = ()
 
 
 def place_bodies(
@@ -117,17 +119,16 @@ def place_bodies(
         method: of stage 2; that of preset "default" if None.
     """
     method = method or PlacementMethod()
-    people = tuple(
-        _place_person(_person_problem(i, bodies, evidence, K, floor, method), method) for i in range(len(bodies.transl))
-    )
     transl = bodies.transl
+    people = [_person_problem(i, bodies, evidence, K, floor, method) for i in range(len(transl))]
     if not people:
         return Placement(transl, (), transl)
+    moves, keypoint_moves, diagnostics = zip(*(_place_person(person, method) for person in people), strict=True)
     return Placement(
-        transl=transl + torch.stack([p.move for p in people]).to(transl),
-        diagnostics=tuple(p.diagnostics for p in people),
-        keypoint_transl=transl + torch.stack([p.keypoint_move for p in people]).to(transl),
-        people=people,
+        transl=transl + torch.stack(moves).to(transl),
+        diagnostics=diagnostics,
+        keypoint_transl=transl + torch.stack(keypoint_moves).to(transl),
+        on_floor=tuple(person.on_floor for person in people),
     )
 
 
@@ -170,7 +171,8 @@ def _on_cpu(x: Tensor) -> Tensor:
     return x.detach().to("cpu", torch.float64)
 
 
-def _place_person(person: PlacementProblem, method: PlacementMethod) -> PersonPlacement:
+def _place_person(person: PlacementProblem, method: PlacementMethod) -> tuple[Tensor, Tensor, Mapping[str, Any]]:
+    """Return the translation (3,), that by the keypoints alone (3,), metres, and the diagnostics of a person."""
     start = torch.zeros(4, dtype=torch.float64)
     fit, by_keypoints = Fit(start, torch.zeros(len(person.vertices), dtype=torch.bool)), start
     if not bool(torch.isfinite(person.vertices).all()):
@@ -200,12 +202,7 @@ def _place_person(person: PlacementProblem, method: PlacementMethod) -> PersonPl
         if not _is_placed_in_view(person, fit.x):
             fit, by_keypoints = replace(fit, x=start), start
             problem = "the fit has no translation in front of the camera: the translation was not changed"
-    return PersonPlacement(
-        move=fit.x[:-1],
-        on_floor=person.on_floor,
-        keypoint_move=by_keypoints[:-1],
-        diagnostics=_diagnostics(person, fit, problem, method),
-    )
+    return fit.x[:-1], by_keypoints[:-1], _diagnostics(person, fit, problem, method)
 
 
 def _is_placed_in_view(person: PlacementProblem, x: Tensor) -> bool:

@@ -15,8 +15,7 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.floor import FloorEvidence
-from physic_core.engine.scene.camera import Cameras, scene_camera
-from physic_core.engine.scene.method import SceneMethod
+from physic_core.engine.scene.method import Cameras, SceneMethod, scene_camera
 from physic_core.errors import BackendOutputError
 from physic_core.geometry.alignment import Alignment, apply_alignment, fit_alignment
 from physic_core.geometry.camera import unproject
@@ -26,9 +25,6 @@ from physic_core.geometry.pointmap import depth_to_pointmap
 from physic_core.geometry.tensors import all_finite, select_pixels
 from physic_core.types import AffineAmbiguity
 from physic_core.types.short_repr import ShortRepr
-
-MIN_SCENE_INLIER_SHARE = 0.5
-"""Minimum inlier share of a reliable alignment."""
 
 _FLOOR_THICKNESS = 0.01  # of the depth
 

@@ -8,7 +8,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.body.joints import JOINT_INDEX
+from physic_core.engine.sizes.scale_vote import Witnesses
+from physic_core.types.skeletons import SIDES
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.body.model import BodyModel
+    from physic_core.engine.sizes.scale_vote import ScaleVote
+    from physic_core.types import BoolArray, DepthMap, FloatArray, Intrinsics, Plane, Pointmap
 
 KNOWN_SIZE_SIGMA = 0.002
 """Expected error of the logarithm of a known size; 1 % off costs 25, as much as ten keypoints on a wrong limb."""
@@ -67,3 +81,138 @@ def combine(evidence: Sequence[ScaleEvidence]) -> ScaleEvidence | None:
     weights = [(least / e.sigma) ** 2 for e in evidence]
     mean = sum(w * e.log_scale for w, e in zip(weights, evidence, strict=True)) / sum(weights)
     return ScaleEvidence(mean, least)
+
+
+_RAYS = 4000  # largest number of sampled pixels of each person
+_MIN_PIXELS = 30
+_MIN_HITS = 20
+_ERODED_SHARE = 0.004  # of the long side: the depth of the background bleeds into the edge of a mask
+
+
+def scales_by_soles(vertices: FloatArray, model: BodyModel, observed: BoolArray, floor: Plane) -> FloatArray:
+    """Return the scale (N, 2), metres per unit, that puts the left and the right sole of each person on the floor.
+
+    With the plane n . X + h = 0 in units of the scene, a point X in metres lies on it for the scale -n . X / h. The
+    normal does not depend on the scale, and the lowest vertex of a sole is the one with the largest.
+
+    Args:
+        vertices: (N, V, 3) metres.
+        model: the body.
+        observed: (N, 55) bool, visible joints.
+        floor: plane in units of the scene.
+
+    Returns:
+        (N, 2) NaN for feet that are not visible.
+    """
+    scale = np.full((len(vertices), 2), np.nan)
+    if floor.offset <= 0:
+        return scale
+    normal = np.asarray(floor.normal, np.float64)
+    for k, side in enumerate(SIDES):
+        ids = model.contact_sets[f"{side}_sole"].cpu().numpy()
+        lowest = (-vertices[:, ids] @ normal).max(1) / floor.offset
+        seen = observed[:, JOINT_INDEX[f"{side}_ankle"]] & observed[:, JOINT_INDEX[f"{side}_foot"]]
+        scale[:, k] = np.where(seen & (lowest > 0), lowest, np.nan)
+    return scale
+
+
+def scales_by_torsos(
+    vertices: FloatArray, model: BodyModel, masks: BoolArray, photo: Pointmap, camera: FloatArray
+) -> FloatArray:
+    """Return the scale (N,), metres per unit, that makes the relative depth of each torso equal to its depth in metres.
+
+    Args:
+        vertices: (N, V, 3) metres.
+        model: the body.
+        masks: (N, H, W) bool, visible pixels of each person.
+        photo: point map of the photo with its people, in units of the scene.
+        camera: (3, 3) px.
+
+    Returns:
+        (N,) NaN for people whose torso is not visible, or mostly at infinity in the point map.
+    """
+    faces = model.faces.cpu().numpy()
+    torso = model.part_of_vertex.cpu().numpy()[faces[:, 0]] == model.part_names.index("torso")
+    return np.array(
+        [_scale_by_torso(body, faces, torso, mask, photo, camera) for body, mask in zip(vertices, masks, strict=True)]
+    )
+
+
+def _scale_by_torso(
+    body: FloatArray,
+    faces: NDArray[np.int64],
+    torso: BoolArray,
+    mask: BoolArray,
+    photo: Pointmap,
+    camera: FloatArray,
+) -> float:
+    """Return the median ratio of body depth to map depth over the pixels of a mask whose ray hits the torso first."""
+    from physic_core.geometry.rays import RayCaster
+
+    rows, columns = np.nonzero(_erode(mask) & photo.valid)
+    if len(rows) < _MIN_PIXELS or not np.isfinite(body).all():
+        return float("nan")
+    chosen = np.linspace(0, len(rows) - 1, min(_RAYS, len(rows))).astype(int)
+    rows, columns = rows[chosen], columns[chosen]
+    directions = np.stack(
+        [(columns - camera[0, 2]) / camera[0, 0], (rows - camera[1, 2]) / camera[1, 1], np.ones(len(rows))], -1
+    )
+    hits = RayCaster(body, faces).first(np.zeros(3), directions)
+    on_torso = (hits.face >= 0) & torso[hits.face]
+    if on_torso.sum() < _MIN_HITS:
+        return float("nan")
+    # The ray's direction has z = 1, so the distance along it is the depth.
+    ratio = hits.distance[on_torso] / photo.points[rows[on_torso], columns[on_torso], 2]
+    scale = float(np.median(ratio[np.isfinite(ratio)]))
+    return scale if scale > 0 else float("nan")
+
+
+def _erode(mask: BoolArray) -> BoolArray:
+    import cv2
+
+    reach = max(1, round(_ERODED_SHARE * max(mask.shape)))
+    disc = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+    return np.asarray(cv2.erode(mask.astype(np.uint8), disc) > 0)
+
+
+_SURE, _SURE_IF_STATED = 0.9, 0.99  # that a metric depth is not wrong, without and with a stated error
+_NEAR = 0.3  # standard deviation of the logarithm of depth, of pixels that count as near the people
+
+
+def depth_witness(depth: DepthMap, scene: Pointmap, camera: Intrinsics, torsos: Witnesses) -> Witnesses | None:
+    """Return what a metric depth says of the scale of a relative scene; None if they have no pixel in common.
+
+    It is the median of the ratio of both, in which the pixels near the people count most: an unknown shift of the
+    inverse depth makes the ratio another one elsewhere. A depth whose camera is estimated is that of sizes in px, and
+    proportional to the focal length.
+
+    Args:
+        depth: of the scene.
+        scene: relative.
+        camera: of the people's bodies.
+        torsos: of the people.
+    """
+    own = scene.points[..., 2].astype(np.float64)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        known = scene.valid & (own > 0) & (depth.depth > 0)
+        ratio = depth.depth[known] / own[known]
+    if not len(ratio):
+        return None
+    people = (torsos.depth / torsos.scale)[np.isfinite(torsos.scale)]
+    weight = np.exp(-0.5 * (np.log(own[known] / np.median(people)) / _NEAR) ** 2) if len(people) else 1.0
+    order = np.argsort(ratio)
+    total = np.cumsum(np.broadcast_to(weight, ratio.shape)[order] + 1e-9)
+    scale = float(ratio[order][np.searchsorted(total, 0.5 * total[-1])])
+    if depth.intrinsics is not None and not depth.intrinsics.known:
+        scale *= math.sqrt(camera.fx * camera.fy / (depth.intrinsics.fx * depth.intrinsics.fy))
+    stated = depth.scale_sigma is not None
+    sigma, sure = (depth.scale_sigma, _SURE_IF_STATED) if stated else (DEPTH_SCALE_SIGMA, _SURE)
+    return Witnesses(np.array([scale]), np.array([np.nan]), np.array([sigma]), np.array([sure]), 0.0)
+
+
+def rescaled_depth(depth: DepthMap, witness: Witnesses, vote: ScaleVote, notes: Sequence[str]) -> DepthMap:
+    """Return a metric depth at the scale of a vote in which it took part, with notes about the other witnesses."""
+    factor = math.exp(-float(vote.residuals(witness)[0]))
+    own = f"the metric depth counts beside them, and was multiplied by {factor:.2f}"
+    scaled = np.asarray(depth.depth * factor, np.float32)
+    return replace(depth, depth=scaled, scale_sigma=vote.scale.sigma, notes=(*depth.notes, *notes, own))

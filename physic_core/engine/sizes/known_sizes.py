@@ -1,23 +1,114 @@
-"""Known sizes as constraints of the engine: statures, the camera's height over the floor, and lengths between pixels.
-
-A photo shows sizes only up to one common factor. The camera's height and lengths on the scene give the factor of the
-scene, statures that of the people. OpenCV camera frame, metres.
-"""
+"""Point of a body at a pixel. OpenCV camera frame, metres."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from physic_core.engine.scene.solve import SceneState
-from physic_core.engine.sizes.body_points import BodyPoint, vertices_at_ray
-from physic_core.engine.sizes.evidence import ScaleEvidence, combine
+from physic_core.engine.sizes.evidence import FACTOR_SPREAD, ScaleEvidence, combine
+from physic_core.geometry.camera import project
+from physic_core.geometry.visibility import facing_camera
 from physic_core.types import KnownSizes
 from physic_core.types.short_repr import ShortRepr
+
+if TYPE_CHECKING:
+    from physic_core.types import FloatArray
+
+_NEIGHBOURS = 4  # vertices that give the depth of a body at a pixel
+_FACING_DEG = 89.0
+
+
+@dataclass(frozen=True)
+class BodyPoint:
+    """Point of a body at a pixel: on its ray, at the weighted mean depth of the nearest visible vertices.
+
+    Attributes:
+        ids: (k,) int64.
+        weight: (k,), sums to 1.
+        ray: (3,) with z = 1.
+    """
+
+    ids: Tensor
+    weight: Tensor
+    ray: Tensor
+
+    def __call__(self, vertices: Tensor) -> Tensor:
+        """Return the point (3,) on a body with vertices (V, 3); differentiable."""
+        point: Tensor = self.ray * (vertices[self.ids, 2] @ self.weight)
+        return point
+
+
+def vertices_at_ray(vertices: Tensor, normals: Tensor, ray: Tensor, K: Tensor) -> BodyPoint:
+    """Choose the vertices of a body (V, 3) with normals (V, 3) that give its depth at a pixel's ray (3,)."""
+    seen = facing_camera(normals, vertices, _FACING_DEG)
+    seen = seen if bool(seen.any()) else torch.ones_like(seen)
+    away = (project(vertices, K) - project(ray[None], K)).square().sum(-1)
+    away = torch.where(seen, away, torch.inf)
+    nearest, ids = away.topk(min(_NEIGHBOURS, int(seen.sum())), largest=False)
+    # A vertex of a limb behind can project between those of the limb in front.
+    front = vertices[ids, 2] < vertices[ids, 2].amin() + 0.1
+    weight = front / (nearest + 0.25)
+    return BodyPoint(ids, weight / weight.sum(), ray)
+
+
+def size_by_scene(
+    vertices: Tensor,
+    soles: Tensor,
+    on_floor: Sequence[bool],
+    floor: tuple[Tensor, float] | None,
+    points: Sequence[Tensor],
+) -> Tensor:
+    """Return the factor (B,) by which people must be enlarged to stand in the scene as the photo shows them.
+
+    The photo shows the direction of each body, so that its size follows from its depth: that of the floor under visible
+    soles, else that of the person's points. Points of people are too far away by a common share, which the people on
+    the floor show. NaN where nothing is known.
+
+    Args:
+        vertices: (B, V, 3), each body where the photo shows it.
+        soles: (S,) int64, vertices of the soles.
+        on_floor: of B people, whether the soles are seen on the floor.
+        floor: unit normal (3,) and offset.
+        points: of B people, (n, 3) each.
+    """
+    by_floor, by_points = (torch.full_like(vertices[:, 0, 0], torch.nan) for _ in range(2))
+    for i, body in enumerate(vertices):
+        if floor is not None and on_floor[i]:
+            normal, offset = floor
+            drop = -(body[soles] @ normal.to(body)).amin()
+            by_floor[i] = offset / drop if bool(drop > 0) else torch.nan
+        if len(points[i]):
+            by_points[i] = points[i][:, 2].median().to(body) / body[:, 2].median()
+    too_far = (by_points / by_floor).nanmedian().nan_to_num(nan=1.0)
+    return torch.where(torch.isfinite(by_floor), by_floor, by_points / too_far)
+
+
+def size_beside_others(before: FloatArray, after: FloatArray, sigma: FloatArray, person: int) -> tuple[float, float]:
+    """Return the log size of a person as the photo shows it beside the others, and its standard deviation.
+
+    The joint fit divides a contradiction between all people. So the photo shows a person as large as the result, less
+    the growth of the others, weighed by their errors.
+
+    Args:
+        before: (N,) log sizes before the fit.
+        after: (N,) log sizes by the fit, NaN where unknown.
+        sigma: (N,) expected errors of ``before``.
+        person: row.
+    """
+    weight = np.delete(np.where(np.isfinite(after), 1 / (sigma**2 + FACTOR_SPREAD**2), 0.0), person)
+    spread = sigma[person] ** 2 + FACTOR_SPREAD**2
+    if not weight.sum():
+        return float(after[person]), float(np.sqrt(spread))
+    common = np.average(np.delete(np.nan_to_num(after - before), person), weights=weight)
+    return float(after[person] - common), float(np.sqrt(spread + 1 / weight.sum()))
+
 
 _SEARCH_SHARE = 0.01  # of the long side: radius in which a pixel without a scene point takes the nearest one
 

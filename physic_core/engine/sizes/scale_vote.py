@@ -21,11 +21,7 @@ import numpy as np
 from physic_core.types import DepthMap, SceneScale
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from physic_core.types import Intrinsics, Pointmap
-
-    FloatArray = NDArray[np.floating]
+    from physic_core.types import FloatArray, Intrinsics, Pointmap
 
 _STEP = 0.01
 _LOGS = np.arange(math.log(1e-2), math.log(1e3), _STEP)

@@ -1,13 +1,18 @@
-"""Stature prior: the expected height of people constrains the scale of the scene.
+"""Stature of people: how tall they are at an age, and how their expected height constrains the scale of the scene.
 
 Scene scale s and stature h are two measurements of one unknown, since a photo shows only relative sizes. If they
 disagree by d, the energy ``(log s)^2 / sigma_s^2 + (log h)^2 / sigma_h^2`` under ``log h - log s = d`` divides d
 between them. The scene's share is ``sigma_s^2 / (sigma_s^2 + sigma_h^2)``.
+
+Statures and shapes of children are fitted to Anny's calibrated distribution (``tools/bake_children.py``).
 """
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,8 +45,57 @@ _CHILD_YEARS = (2.0, 13.0)
 STATURES_M = (0.5, 2.2)
 """Limits of the stature of people whose size follows from the scene."""
 
+ADULT_YEARS = 16.0
+"""Age from which the body estimator's prior of adults holds."""
+
 _CERTAIN = 0.2  # log factor beyond which a person is not an adult of the prior, such as a child
 _NEWTON_STEPS = 4  # stature is piecewise linear in the shape
+
+
+@dataclass(frozen=True)
+class AgeClasses:
+    """Children from birth to :data:`ADULT_YEARS` in C classes of age.
+
+    Attributes:
+        years: (C, 2) limits of each class.
+        log_stature: (C,) mean of the logarithm of stature in metres.
+        sigma: (C,) standard deviation of it.
+        shape: (D, K) polynomial of log stature that gives the mean betas of the embedded body, constant term first.
+    """
+
+    years: FloatArray
+    log_stature: FloatArray
+    sigma: FloatArray
+    shape: FloatArray
+
+    @property
+    def middle(self) -> FloatArray:
+        """Mean age (C,) of each class, years."""
+        middle: FloatArray = self.years.mean(1)
+        return middle
+
+    def at_age(self, years: float) -> tuple[float, float]:
+        """Return mean and standard deviation of log stature at an age below :data:`ADULT_YEARS`."""
+        mean, sigma = (np.interp(years, self.middle, values) for values in (self.log_stature, self.sigma))
+        return float(mean), float(sigma)
+
+    def betas(self, log_stature: FloatArray) -> FloatArray:
+        """Return the mean betas (N, K) of children with the logarithms (N,) of stature."""
+        betas: FloatArray = np.polynomial.polynomial.polyval(np.asarray(log_stature), self.shape).T
+        return betas
+
+
+@cache
+def load_ages() -> AgeClasses:
+    """Return the fitted classes of age."""
+    fitted = json.loads((files("physic_core.body") / "ages.json").read_text(encoding="utf-8"))
+    stature = np.array([row["log_stature"] for row in fitted["classes"]])
+    return AgeClasses(
+        years=np.array([row["years"] for row in fitted["classes"]], np.float64),
+        log_stature=stature[:, 0],
+        sigma=stature[:, 1],
+        shape=np.array(fitted["betas_by_log_stature"]),
+    )
 
 
 @dataclass(frozen=True)
@@ -94,8 +148,6 @@ def stature_sigmas(stature: FloatArray, years: FloatArray) -> FloatArray:
         stature: (N,) metres, NaN where unknown.
         years: (N,), NaN where unknown.
     """
-    from physic_core.body.ages import ADULT_YEARS, load_ages
-
     ages = load_ages()
     sigma = np.array([ages.at_age(age)[1] if age < ADULT_YEARS else STATURE_SIGMA for age in years])
     sigma[np.isfinite(stature)] = 0.0
@@ -116,8 +168,6 @@ def size_sigmas(stature: FloatArray, years: FloatArray, scale_sigma: float | Non
         years: (N,), NaN where unknown.
         scale_sigma: of a scene of known size, which gives those of people of unknown stature; None if people give it.
     """
-    from physic_core.body.ages import load_ages
-
     ages, variance, adult = load_ages(), stature_sigmas(stature, years) ** 2, adult_probability(stature, years)
     child = (ages.years[:, 0] >= _CHILD_YEARS[0]) & (ages.years[:, 1] <= _CHILD_YEARS[1])
     as_adult = ((ages.log_stature - np.log(ADULT_STATURE_M)) ** 2 + ages.sigma**2)[child].mean()

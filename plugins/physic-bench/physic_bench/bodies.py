@@ -68,7 +68,7 @@ class BodyFiles:
     def rest(self, topology: str) -> RestMesh | None:
         """Return the mean body of a mesh topology in the T-pose, or None if its model file was not given."""
         from physic_core.body.convert.bodies import rest_mesh_of_model
-        from physic_core.body.files.smpl import load_smpl
+        from physic_core.body.files import load_smpl
 
         if topology == "smpl" and self.smpl is not None:
             return load_smpl(self.file("smpl")).rest
@@ -95,7 +95,7 @@ class BodyFiles:
         """
         import torch
 
-        from physic_core.body.rotations import rotvec_to_rotmat_numpy
+        from physic_core.geometry.rotations import rotvec_to_rotmat_numpy
 
         path = self.file("smplx", gender)
         model = _model(str(path))

@@ -98,7 +98,7 @@ def read_pickled(path: Path) -> dict[str, Any]:
     Raises:
         DamagedFrameError: it cannot be read.
     """
-    from physic_core.body.files.array_pickle import PickledObject, as_array, read_pickle
+    from physic_core.body.array_pickle import PickledObject, as_array, read_pickle
 
     with reading(path):
         found = read_pickle(path)

@@ -86,7 +86,7 @@ class EmbeddedBodies(BodyEstimator):
 
         from physic_core.adapters.bodies import observed_joints
         from physic_core.adapters.devices import limited_threads
-        from physic_core.body.parameters import parameters_from_rotations
+        from physic_core.body.bones import parameters_from_rotations
         from physic_core.types import Bodies
         from physic_embedded.body_fit.fit import fit_outlines
         from physic_embedded.body_fit.limb_keypoints import limb_keypoints
@@ -207,7 +207,7 @@ def _restart(fit: FittedBodies, observations: BodyObservations, turn: FloatArray
     from scipy.spatial.transform import Rotation
 
     from physic_core.body import JOINT_INDEX
-    from physic_core.body.rotations import rotmat_to_rotvec
+    from physic_core.geometry.rotations import rotmat_to_rotvec
     from physic_embedded.body_fit.problem import InitialPose
 
     about_x = Rotation.from_rotvec(np.stack([turn, 0 * turn, 0 * turn], -1)).as_matrix()

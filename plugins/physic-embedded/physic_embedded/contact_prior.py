@@ -117,7 +117,7 @@ class StaticContact(ContactPrior):
         """Return the SMPL-X joints (N, 55, 3) of the bodies."""
         import torch
 
-        from physic_core.body.parameters import rotations_from_parameters
+        from physic_core.body.bones import rotations_from_parameters
         from physic_core.geometry.tensors import tensor
 
         assert self._model is not None

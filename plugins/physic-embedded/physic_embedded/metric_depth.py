@@ -30,7 +30,7 @@ class EmbeddedMetricDepth(MetricDepth):
         Raises:
             BackendError: hints lack the scene or its scale.
         """
-        from physic_core.engine.sizes import scaled_depth
+        from physic_core.engine.sizes.scale_vote import scaled_depth
 
         if hints.scene is None or hints.scale is None:
             missing = "scene" if hints.scene is None else "scale"

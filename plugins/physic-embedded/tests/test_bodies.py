@@ -8,8 +8,8 @@ import roma
 import torch
 
 from physic_core.body import JOINT_INDEX, load_body
-from physic_core.body.parameters import rotations_from_parameters
-from physic_core.engine.sizes import ADULT_STATURE_M, adult_shape
+from physic_core.body.bones import rotations_from_parameters
+from physic_core.engine.sizes.stature import ADULT_STATURE_M, adult_shape
 from physic_core.types import (
     SKELETONS,
     Bodies,

@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from physic_core.body import JOINT_INDEX, load_body
+from physic_core.body.bones import parameters_from_rotations
 from physic_core.body.convert.bodies import replace_mesh_with_joints
-from physic_core.body.parameters import parameters_from_rotations
 from physic_core.errors import BackendError
 from physic_core.types import Bodies, People
 from physic_embedded.contact_prior import StaticContact, StaticContactOptions, is_sitting

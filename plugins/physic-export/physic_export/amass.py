@@ -103,7 +103,7 @@ def _smplx_file(request: ExportRequest) -> Path:
 def _smplx_parameters(request: ExportRequest, file: Path) -> tuple[BodyModel, BodyParameters, NDArray[np.float64]]:
     """Return the SMPL-X model, the parameters of the chosen people in the camera frame, and fit errors in metres."""
     from physic_core.body.convert.bodies import convert_with_residuals
-    from physic_core.body.files.smplx import load_smplx
+    from physic_core.body.files import load_smplx
     from physic_core.cache.correspondences import cached_correspondence
 
     people = [person.parameters for _, person in request.chosen()]

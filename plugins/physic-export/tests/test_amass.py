@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from physic_core import Reconstruction
 from physic_core.body import load_body
-from physic_core.body.convert.bodies import convert_bodies
+from physic_core.body.convert.bodies import convert_with_residuals
 from physic_core.body.model import BodyModel
 from physic_core.errors import InputError
 from physic_core.geometry.upright import transform_points
@@ -42,7 +42,7 @@ def converted(result: Reconstruction, file: Path, model: BodyModel) -> Reconstru
     """The same people as bodies of the file, as a run with [body_model] path gives them."""
     people = []
     for person in result.people:
-        parameters = convert_bodies(Bodies(person.parameters, "embedded"), model).parameters
+        parameters = convert_with_residuals(Bodies(person.parameters, "embedded"), model).bodies.parameters
         vertices, joints = alone(model, parameters)
         contact = np.zeros(len(vertices), bool)
         own = replace(person, parameters=parameters, vertices=vertices, joints=joints, contact=contact)

@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from physic_core import Reconstruction
 from physic_core.body import load_body
+from physic_core.body.bones import parameters_from_rotations
 from physic_core.body.joints import JOINT_NAMES
-from physic_core.body.parameters import parameters_from_rotations
 from physic_core.errors import InputError
 from physic_core.types import BodyContact, ContactPartner
 from physic_core.types.contacts import Support, SupportState

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     import torch
 
-    from physic_core.body.files.smpl import SmplBody
+    from physic_core.body.files import SmplBody
     from physic_core.types import Bodies, FloatArray, Hints, Intrinsics, Keypoints, People, UInt8Array
 
 _SMALLEST = 1e-6  # minimum |s|: output for an empty crop must not become an infinite depth

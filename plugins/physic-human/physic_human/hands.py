@@ -130,7 +130,7 @@ def chumpy_free_copy(path: str | Path, family: Literal["smpl", "mano"]) -> Itera
     Raises:
         BodyModelError: the file is missing, has another type, is damaged, or could run code.
     """
-    from physic_core.body.files.model_file import MANO, SMPL, read_model_file
+    from physic_core.body.files import MANO, SMPL, read_model_file
 
     source = Path(os.path.expanduser(path))
     arrays = {

@@ -231,7 +231,7 @@ def _check_reconstruction(body: BodyModel, bodies: Bodies, vertices: FloatArray)
     """Raise BackendError if the user's SMPL-X file gives another surface than NLF."""
     import torch
 
-    from physic_core.body.parameters import rotations_from_parameters
+    from physic_core.body.bones import rotations_from_parameters
     from physic_core.geometry.tensors import tensor
 
     p = bodies.parameters

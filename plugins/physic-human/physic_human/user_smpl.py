@@ -15,7 +15,7 @@ from physic_core.types import Mesh
 from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions
 
 if TYPE_CHECKING:
-    from physic_core.body.files.smpl import SmplBody
+    from physic_core.body.files import SmplBody
     from physic_core.interfaces import Requirement
     from physic_core.types import Bodies, FloatArray, RestMesh
 
@@ -48,7 +48,7 @@ def open_smpl(path: str) -> SmplBody:
     """
     if lacking := smpl_missing(path):
         raise WeightsMissingError(lacking[0])
-    from physic_core.body.files.smpl import load_smpl
+    from physic_core.body.files import load_smpl
 
     return load_smpl(Path(os.path.expanduser(path)))
 

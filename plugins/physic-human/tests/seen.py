@@ -16,7 +16,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from physic_core.body import load_body
-from physic_core.body.parameters import rotations_from_parameters
+from physic_core.body.bones import rotations_from_parameters
 from physic_testing.worlds import World, world_of
 
 BLUE = 64

@@ -17,10 +17,9 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.adapters.bodies import joints_from_mhr70, parameters_from_rotvecs
 from physic_core.body import load_body
-from physic_core.body.bones import rotations_from_tpose
-from physic_core.body.convert.bodies import convert_bodies
+from physic_core.body.bones import rotations_from_parameters, rotations_from_tpose
+from physic_core.body.convert.bodies import convert_with_residuals
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.body.parameters import rotations_from_parameters
 from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator
 from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People
@@ -220,7 +219,8 @@ def test_parameters_become_bodies_with_mesh_and_rotations_by_mhr(
     assert violations(BodyEstimator, found, people=3) == []
 
     def wrist_errors_deg(bodies: Bodies) -> np.ndarray:
-        turned = rotations_from_tpose(rotations_from_parameters(convert_bodies(bodies, model).parameters).numpy())
+        converted = convert_with_residuals(bodies, model).bodies.parameters
+        turned = rotations_from_tpose(rotations_from_parameters(converted).numpy())
         wrists = [JOINT_INDEX["left_wrist"], JOINT_INDEX["right_wrist"]]
         apart = np.swapaxes(turned[:, wrists], -1, -2) @ world[1:, wrists]
         return np.degrees(Rotation.from_matrix(apart.reshape(-1, 3, 3)).magnitude())

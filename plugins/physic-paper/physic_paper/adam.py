@@ -13,13 +13,15 @@ from functools import partial
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.acceptance import Energy, energy_per_person, total_energy
 from physic_core.engine.joint.optimiser import (
     BlockResult,
+    Energy,
     MinimisationResult,
     OptimiserSettings,
     StepProgress,
+    energy_per_person,
     join_results,
+    total_energy,
 )
 from physic_core.types.bounds import Count, Positive, PositiveCount
 

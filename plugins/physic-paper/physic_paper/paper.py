@@ -50,11 +50,11 @@ from physic_core.engine.joint.context import (
     with_static_contacts,
 )
 from physic_core.engine.joint.problem import JointProblem
+from physic_core.engine.joint.snapshot import OcclusionTracker, Visibility, update_visibility
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Term
-from physic_core.engine.joint.terms.reprojection import ReprojectionTerm
-from physic_core.engine.joint.terms.scene_scale import SceneScaleTerm
-from physic_core.engine.joint.visibility import OcclusionTracker, Visibility, update_visibility
+from physic_core.engine.joint.terms.body import SceneScaleTerm
+from physic_core.engine.joint.terms.picture import ReprojectionTerm
 from physic_core.geometry.neighbors import NearestPointSearch
 from physic_core.geometry.robust import robust_loss
 from physic_core.types.bounds import NotNegative

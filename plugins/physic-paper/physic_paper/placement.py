@@ -11,12 +11,12 @@ from torch import Tensor
 
 from physic_core.engine.placement.method import FEWEST_POINTS, POINTMAP_TOLERANCE, Fit, PlacementMethod
 from physic_core.engine.placement.place import median_reprojection_px
-from physic_core.engine.placement.solvers import term_energy
 from physic_core.engine.placement.terms import (
     FEWEST_KEYPOINTS,
     ChamferTerm,
     PlacementProblem,
     PlacementReprojectionTerm,
+    term_energy,
 )
 from physic_core.geometry.alignment import AlignmentOptions
 from physic_core.geometry.camera import project

@@ -22,7 +22,7 @@ from physic_core.engine.joint.optimiser import LbfgsSettings, OptimiserSettings
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Term
-from physic_core.engine.joint.terms.limits import LimitSettings, LimitTerm
+from physic_core.engine.joint.terms.body import LimitSettings, LimitTerm
 from physic_core.geometry.robust import robust_loss
 from physic_core.types.bounds import FrozenGroups, NotNegative
 from physic_paper.published import PublishedOptimisation

@@ -33,10 +33,10 @@ from torch import Tensor
 from physic_core.body.model import BodyOutput
 from physic_core.engine.joint.context import JointContext, WeightedKeypoints
 from physic_core.engine.joint.problem import JointProblem
+from physic_core.engine.joint.snapshot import OcclusionTracker, Visibility
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Snapshot, Term
-from physic_core.engine.joint.terms.scene_scale import SceneScaleTerm
-from physic_core.engine.joint.visibility import OcclusionTracker, Visibility
+from physic_core.engine.joint.terms.body import SceneScaleTerm
 from physic_core.geometry.robust import robust_loss
 from physic_paper.paper import CONTACT_RANGE_M, PaperOptimisation, PaperReprojectionSettings, PaperVisibilitySettings
 from physic_paper.released.regularisation import ReleasedRegularisationTerm

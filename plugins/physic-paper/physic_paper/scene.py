@@ -10,8 +10,7 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.floor import FloorEvidence
-from physic_core.engine.scene.camera import Cameras, scene_camera
-from physic_core.engine.scene.method import METRIC_DEPTH_TOLERANCE, PixelSurface, SceneMethod
+from physic_core.engine.scene.method import METRIC_DEPTH_TOLERANCE, Cameras, PixelSurface, SceneMethod, scene_camera
 from physic_core.geometry.alignment import AlignmentOptions
 from physic_core.geometry.floor import FloorSearch, PlaneFit
 from physic_core.geometry.pointmap import pointmap_normals

@@ -8,8 +8,13 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from physic_core.engine.placement.solvers import TRANSLATION, gauss_newton
-from physic_core.engine.placement.terms import ChamferTerm, PlacementReprojectionTerm, Residuals
+from physic_core.engine.placement.terms import (
+    TRANSLATION,
+    ChamferTerm,
+    PlacementReprojectionTerm,
+    Residuals,
+    gauss_newton,
+)
 
 # Paper Sec. 4.1: "two iterations of L-BFGS" are two steps with this many inner iterations.
 _ADAM_STEPS = 30

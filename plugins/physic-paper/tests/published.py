@@ -13,10 +13,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from physic_core.body.assembly import BodyArrays, build_body_model, derive_vertex_sets
 from physic_core.body.joints import PART_NAMES
 from physic_core.body.landmarks import LandmarkRegressor
-from physic_core.body.model import BodyModel
+from physic_core.body.model import BodyArrays, BodyModel, build_body_model, derive_vertex_sets
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.geometry.camera import pixel_grid, unproject
 from physic_core.types import (

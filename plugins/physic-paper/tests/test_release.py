@@ -20,9 +20,9 @@ from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.limbs import limb_part_indices
-from physic_core.engine.placement.human_points import human_points
 from physic_core.engine.placement.place import PeopleObservations, PlacedBodies, place_bodies
-from physic_core.engine.scene.camera import Cameras
+from physic_core.engine.placement.solve import human_points
+from physic_core.engine.scene.method import Cameras
 from physic_core.engine.scene.solve import SceneInput, solve_scene
 from physic_core.types import SKELETONS
 from physic_paper.contact import DistanceContact
@@ -60,13 +60,19 @@ def at(published: Published, state: str) -> JointEnergy:
         for group, value in published.raw(state).items():
             energy.state.values[group].copy_(value)
     if state in ("s1_start", "s1_end"):  # nobody has looked yet
-        everywhere = torch.ones_like(energy.visibility.in_mask)
-        energy.visibility = replace(energy.visibility, in_mask=everywhere, facing=everywhere, hidden=~everywhere)
+        everywhere = torch.ones_like(energy.snapshot.visibility.in_mask)
+        energy.snapshot = replace(
+            energy.snapshot,
+            visibility=replace(energy.snapshot.visibility, in_mask=everywhere, facing=everywhere, hidden=~everywhere),
+        )
     else:
         # Limbs are looked at anew after 30 steps, when all of them are seen.
         again = state in ("s3_it31", "s3_it50", "s3_end", "probe")
         limbs = published.bits(f"one/out/{'probe' if again else 's3_start'}/vertex_self_occluded")
-        energy.visibility = replace(energy.visibility, hidden=~energy.visibility.in_mask | limbs)
+        energy.snapshot = replace(
+            energy.snapshot,
+            visibility=replace(energy.snapshot.visibility, hidden=~energy.snapshot.visibility.in_mask | limbs),
+        )
     return energy
 
 
@@ -116,8 +122,8 @@ def test_every_gradient_is_the_published_one(published: Published, state: str) -
 def test_what_is_seen_is_looked_at_once_where_the_keypoints_put_the_body(published: Published) -> None:
     energy = JointEnergy(published.problem(), RELEASE.joint)
     for _ in range(2):
-        assert torch.equal(energy.visibility.in_mask, published.bits("one/out/s3_start/vertex_in_mask"))
-        assert torch.equal(energy.visibility.facing, published.bits("one/out/s3_start/vertex_camera_facing"))
+        assert torch.equal(energy.snapshot.visibility.in_mask, published.bits("one/out/s3_start/vertex_in_mask"))
+        assert torch.equal(energy.snapshot.visibility.facing, published.bits("one/out/s3_start/vertex_camera_facing"))
         with torch.no_grad():
             energy.state.values["translation"] += 0.2
         energy.refresh()

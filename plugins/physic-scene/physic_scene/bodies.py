@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from physic_core.body.parameters import parameters_from_rotations
-from physic_core.engine.sizes import betas_with_stature
+from physic_core.body.bones import parameters_from_rotations
+from physic_core.engine.sizes.stature import betas_with_stature
 from physic_scene.rigid import mean_rotation
 
 if TYPE_CHECKING:

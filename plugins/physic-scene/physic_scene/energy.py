@@ -10,7 +10,7 @@ import torch
 from physic_core.engine.contact.method import ContactMethod, Touch
 from physic_core.engine.contact.partner import HIDDEN
 from physic_core.engine.placement.method import Fit, PlacementMethod
-from physic_core.engine.presets.default import DefaultOptimisation
+from physic_core.engine.presets import DefaultOptimisation
 from physic_core.engine.scene.method import SceneMethod
 from physic_core.engine.settings import EngineSettings
 from physic_core.errors import ConfigError
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from physic_core.engine.contact.problem import ContactInput
     from physic_core.engine.floor import FloorEvidence
     from physic_core.engine.placement.terms import PlacementProblem
-    from physic_core.engine.scene.camera import Cameras
+    from physic_core.engine.scene.method import Cameras
     from physic_core.geometry.floor import FloorSearch
 
 _LEAST_SLOPE = 0.15  # of a ray to the floor, at the horizon

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 import torch
 
+from physic_core.body.bones import rotations_from_parameters
 from physic_core.body.landmarks import keypoints_on_body
-from physic_core.body.parameters import rotations_from_parameters
 from physic_core.types import CameraTrust, Keypoints
 from physic_scene.measured import measured_errors
 from physic_scene.rigid import CameraPose

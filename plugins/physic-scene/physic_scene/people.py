@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from physic_core.body.parameters import parameters_from_rotations
+from physic_core.body.bones import parameters_from_rotations
 from physic_core.types.short_repr import ShortRepr
 from physic_scene.matching import compare_places
 

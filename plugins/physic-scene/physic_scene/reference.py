@@ -11,10 +11,10 @@ import torch
 
 from physic_core import Pipeline
 from physic_core.adapters.bodies import observed_joints
-from physic_core.body.ages import ADULT_YEARS
 from physic_core.body.joints import NUM_JOINTS
 from physic_core.configuration.resolve import resolve
 from physic_core.engine.joint.problem import OtherView
+from physic_core.engine.sizes.stature import ADULT_YEARS
 from physic_core.pipeline.border import cut_camera, find_inside
 from physic_core.pipeline.estimate import SIZES_OF_ADULTS
 from physic_core.types import (

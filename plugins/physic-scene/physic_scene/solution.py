@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.engine.sizes import stature_sigmas
 from physic_core.engine.sizes.scale_vote import Witnesses, vote_on_scale
+from physic_core.engine.sizes.stature import stature_sigmas
 from physic_core.errors import InputError
 from physic_core.types import CameraTrust, Intrinsics
 from physic_core.types.short_repr import ShortRepr

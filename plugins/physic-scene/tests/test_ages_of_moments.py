@@ -10,7 +10,7 @@ from PIL import Image
 
 from physic_core import KnownSizes, load_config
 from physic_core.body import load_body
-from physic_core.body.ages import load_ages
+from physic_core.engine.sizes.stature import load_ages
 from physic_core.errors import InputError
 from physic_core.interfaces import INTERFACES
 from physic_scene import ScenePipeline

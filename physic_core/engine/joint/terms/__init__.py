@@ -1,1 +1,1 @@
-"""Terms of the joint energy, one file each: settings, equation and weights."""
+"""Terms of the joint energy by subject: settings, equation and weights of each."""

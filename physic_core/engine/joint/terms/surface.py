@@ -17,16 +17,18 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from physic_core.engine.distances import lowest_sole_indices
 from physic_core.engine.joint.context import JointContext
-from physic_core.engine.joint.robust_sum import RobustSum
-from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
-from physic_core.engine.joint.terms.contact import ContactTerm
-from physic_core.engine.joint.terms.depth import MIN_DEPTH_M, DepthTerm
-from physic_core.engine.joint.terms.floor import FloorTerm
-from physic_core.engine.joint.terms.penetration import SLACK_M, PenetrationTerm
-from physic_core.engine.joint.terms.regularisation import RegularisationTerm
-from physic_core.engine.joint.terms.soles import SoleTerm
+from physic_core.engine.joint.term import PosedBodies, RobustSum, Snapshot, Term
+from physic_core.engine.joint.terms.body import RegularisationTerm
+from physic_core.engine.joint.terms.picture import MIN_DEPTH_M, DepthTerm
+from physic_core.engine.joint.terms.scene import (
+    SLACK_M,
+    ContactTerm,
+    FloorTerm,
+    PenetrationTerm,
+    SoleTerm,
+    lowest_sole_indices,
+)
 
 SURFACE_ENERGIES = ("depth", "contact", "penetration", "floor", "mesh")
 
@@ -180,23 +182,6 @@ surface_energies: Callable[[SurfaceInputs, Tensor, Tensor, Tensor, Tensor, Tenso
 """The function of :class:`_SurfaceEnergies`."""
 
 
-@dataclass(frozen=True)
-class SurfaceTermGroup:
-    """Group of the six terms that :class:`SurfaceTerms` evaluates together."""
-
-    depth: DepthTerm
-    contact: ContactTerm
-    penetration: PenetrationTerm
-    floor: FloorTerm
-    soles: SoleTerm
-    regularisation: RegularisationTerm
-
-    @property
-    def all(self) -> tuple[DepthTerm | ContactTerm | PenetrationTerm | FloorTerm | SoleTerm | RegularisationTerm, ...]:
-        """All terms, in the order of the energies."""
-        return (self.depth, self.contact, self.penetration, self.floor, self.soles, self.regularisation)
-
-
 class SurfaceTerms(Term):
     """Depth, contact, penetration, floor, soles and regularisation as one term.
 
@@ -205,26 +190,37 @@ class SurfaceTerms(Term):
         energies: function of the energies.
     """
 
-    def __init__(self, context: JointContext, parts: SurfaceTermGroup) -> None:
-        self.context, self.parts = context, parts
+    def __init__(
+        self,
+        context: JointContext,
+        depth: DepthTerm,
+        contact: ContactTerm,
+        penetration: PenetrationTerm,
+        floor: FloorTerm,
+        soles: SoleTerm,
+        regularisation: RegularisationTerm,
+    ) -> None:
+        self.context, self.depth, self.contact, self.penetration = context, depth, contact, penetration
+        self.floor, self.soles, self.regularisation = floor, soles, regularisation
         self.energies = surface_energies
         self.surface: SurfaceInputs
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Refresh all terms and collect the inputs of the energies."""
-        parts, context, contacts = self.parts, self.context, snapshot.contacts
-        for part in parts.all:
+        context, contacts = self.context, snapshot.contacts
+        parts = (self.depth, self.contact, self.penetration, self.floor, self.soles, self.regularisation)
+        for part in parts:
             part.refresh(snapshot)
-        self.weights = {name: weight for part in parts.all for name, weight in part.weights.items()}
+        self.weights = {name: weight for part in parts for name, weight in part.weights.items()}
         no_scene = torch.zeros_like(context.area)
         self.surface = SurfaceInputs(
-            depth=parts.depth.robust_sum(),
-            contact=parts.contact.robust_sum(),
-            penetration=parts.penetration.robust_sum(),
-            floor=parts.floor.robust_sum(),
+            depth=self.depth.robust_sum(),
+            contact=self.contact.robust_sum(),
+            penetration=self.penetration.robust_sum(),
+            floor=self.floor.robust_sum(),
             mesh_weight=self.weights["regularisation"],
-            log_map_depth=parts.depth.log_map_depth,
-            on_scene=parts.contact.on_scene,
+            log_map_depth=self.depth.log_map_depth,
+            on_scene=self.contact.on_scene,
             eligible=snapshot.visibility.eligible,
             relative=context.relative.transpose(1, 2).contiguous(),
             normals=contacts.normals.transpose(1, 2).contiguous() if contacts.normals is not None else None,
@@ -237,13 +233,13 @@ class SurfaceTerms(Term):
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy of each term that is not off: name -> (B,)."""
-        parts, surface, e = self.parts, self.surface, bodies.estimate
+        surface, e = self.surface, bodies.estimate
         values, lowest = self.energies(
             surface, bodies.vertices, bodies.joints[:, 0], e.rotations[:, 0], e.log_scales, e.offset
         )
         sums = (surface.depth, surface.contact, surface.penetration, surface.floor)
         energies = {n: v for n, v, on in zip(SURFACE_ENERGIES, values[:4], sums, strict=False) if on is not None}
-        if parts.soles.is_on:
-            energies["soles"] = parts.soles.energy(lowest)
-        energies["regularisation"] = parts.regularisation.energy(values[4], bodies.deviation)
+        if self.soles.is_on:
+            energies["soles"] = self.soles.energy(lowest)
+        energies["regularisation"] = self.regularisation.energy(values[4], bodies.deviation)
         return energies

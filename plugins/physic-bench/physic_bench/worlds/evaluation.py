@@ -87,7 +87,7 @@ def initial_estimate(evidence: Estimates, model: BodyModel, contact_probability:
     """Return the estimators' bodies before optimisation; vertices with a high contact probability are in contact."""
     import torch
 
-    from physic_core.body.parameters import rotations_from_parameters
+    from physic_core.body.bones import rotations_from_parameters
     from physic_core.geometry.tensors import tensor
 
     parameters = evidence.bodies.parameters

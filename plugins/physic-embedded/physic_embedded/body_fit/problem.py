@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from physic_core.body import JOINT_INDEX
-from physic_core.engine.sizes import adult_shape
+from physic_core.engine.sizes.stature import adult_shape
 from physic_core.engine.stance import touch_in_picture
 from physic_core.geometry.rotations import rotvec_to_rotmat
 from physic_core.types.arrays import PER_PERSON, select_people

@@ -75,8 +75,7 @@ def fit_disparity_floor(
     """
     import torch
 
-    from physic_core.geometry.floor import InverseDepthMap, plane_of_pixels
-    from physic_core.geometry.floor_ransac import LOWER_SHARE
+    from physic_core.geometry.floor import LOWER_SHARE, InverseDepthMap, plane_of_pixels
     from physic_core.geometry.tensors import optional_tensors
 
     height, width = disparity.shape

@@ -9,7 +9,7 @@ from physic_core.body.model import LandmarkModel
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import PosedBodies
-from physic_core.engine.joint.terms.regularisation import parameter_energy
+from physic_core.engine.joint.terms.body import parameter_energy
 from physic_paper.terms.printed_regularisation import (
     PrintedRegularisationSettings,
     PrintedRegularisationTerm,

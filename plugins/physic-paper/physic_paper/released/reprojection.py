@@ -12,7 +12,7 @@ from torch import Tensor
 from physic_core.engine.joint.context import JointContext, WeightedKeypoints
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.term import PosedBodies, Term
-from physic_core.engine.joint.terms.reprojection import finite_keypoints
+from physic_core.engine.joint.terms.picture import finite_keypoints
 from physic_core.geometry.camera import project
 from physic_core.types.skeletons import SIDES, Skeleton, is_finger
 

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from physic_core.body.model import BodyOutput
 from physic_core.engine.joint.context import JointContext
-from physic_core.engine.joint.visibility import HIDDEN_LIMB_SHARE, OcclusionTracker, Visibility, update_visibility
+from physic_core.engine.joint.snapshot import HIDDEN_LIMB_SHARE, OcclusionTracker, Visibility, update_visibility
 from physic_core.engine.limbs import limb_part_indices
 from physic_core.geometry.rays import RayCaster
 

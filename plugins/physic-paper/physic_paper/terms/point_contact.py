@@ -9,8 +9,8 @@ from typing import Literal
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.contact_state import ContactState
 from physic_core.engine.joint.context import JointContext
+from physic_core.engine.joint.snapshot import ContactState
 from physic_core.engine.joint.term import PosedBodies, RobustLoss, Snapshot, Term
 from physic_core.types.bounds import NotNegative
 from physic_paper.terms.reprojection import offset_loss

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.contact_state import ContactState
 from physic_core.engine.joint.context import JointContext
+from physic_core.engine.joint.snapshot import ContactState
 from physic_core.engine.joint.term import PosedBodies, RobustLoss, Snapshot, Term
 from physic_core.types.bounds import NotNegative, Positive
 from physic_paper.terms.point_contact import squared_offsets

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
-from physic_core.engine.distances import root_relative
-from physic_core.engine.joint.context import JointContext
+from physic_core.engine.joint.context import JointContext, root_relative
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
-from physic_core.engine.joint.terms.regularisation import parameter_energy, vertex_weights
+from physic_core.engine.joint.terms.body import parameter_energy, vertex_weights
 from physic_core.types.bounds import NotNegative
 
 

@@ -8,7 +8,7 @@ from torch import Tensor
 from physic_core.engine.joint.context import JointContext, WeightedKeypoints
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.term import PosedBodies, RobustLoss, Term
-from physic_core.engine.joint.terms.reprojection import finite_keypoints, weights_inside_image
+from physic_core.engine.joint.terms.picture import finite_keypoints, weights_inside_image
 from physic_core.geometry.camera import project
 
 

@@ -67,9 +67,8 @@ def true_hands(world: World) -> FloatArray:
 def true_wrists(world: World) -> FloatArray:
     """Return the true hand rotations (N, 2, 3) from T-pose to camera frame as rotation vectors, left first."""
     from physic_core.body import JOINT_INDEX
-    from physic_core.body.bones import rotations_from_tpose
-    from physic_core.body.parameters import rotations_from_parameters
-    from physic_core.body.rotations import rotmat_to_rotvec
+    from physic_core.body.bones import rotations_from_parameters, rotations_from_tpose
+    from physic_core.geometry.rotations import rotmat_to_rotvec
 
     turns = rotations_from_tpose(rotations_from_parameters(world.parameters).double().numpy())
     wrists: FloatArray = rotmat_to_rotvec(turns[:, [JOINT_INDEX["left_wrist"], JOINT_INDEX["right_wrist"]]])
@@ -95,7 +94,7 @@ def embedded_surface(bodies: Bodies) -> tuple[FloatArray, FloatArray]:
     """
     import torch
 
-    from physic_core.body.parameters import rotations_from_parameters
+    from physic_core.body.bones import rotations_from_parameters
     from physic_core.geometry.tensors import tensor
 
     model, p = model_of(bodies), parameters_of_model(bodies)

@@ -639,7 +639,7 @@ def placed(p: Any, move: Callable[[np.ndarray], np.ndarray]) -> dict[str, np.nda
     import torch
 
     from physic_core.body import load_body
-    from physic_core.body.parameters import rotations_from_parameters
+    from physic_core.body.bones import rotations_from_parameters
 
     with torch.no_grad():
         out = load_body("embedded")(rotations_from_parameters(p), torch.from_numpy(p.betas), torch.from_numpy(p.transl))

@@ -12,10 +12,9 @@ from wrong_backends import altered
 
 from physic_core import interfaces
 from physic_core.body import load_body
-from physic_core.body.bones import rotations_from_tpose
+from physic_core.body.bones import rotations_from_parameters, rotations_from_tpose
 from physic_core.body.convert.bodies import rest_mesh_of_model
-from physic_core.body.parameters import rotations_from_parameters
-from physic_core.body.rotations import rotmat_to_rotvec
+from physic_core.geometry.rotations import rotmat_to_rotvec
 from physic_core.types import Bodies, ContactProbability, Mesh, RestMesh
 
 

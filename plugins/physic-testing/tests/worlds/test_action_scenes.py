@@ -11,7 +11,7 @@ import roma
 import torch
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.distances import hinge_angles
+from physic_core.engine.joint.terms.body import hinge_angles
 from physic_testing import worlds
 from physic_testing.worlds import CHILD_WORLDS, CONTACT_WORLDS, OTHER_BODIES, RAISED_FEET_WORLDS, WORLDS
 from physic_testing.worlds.action_scenes import POOLS, ActionScene, load_action

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from physic_core.body import load_body
-from physic_core.body.parameters import rotations_from_parameters
+from physic_core.body.bones import rotations_from_parameters
 from physic_testing.worlds import build_world
 
 

@@ -161,7 +161,7 @@ def _coarse(
     """Return ids (v,) of the vertices that are kept, faces between them, and the kept one (V,) for each vertex."""
     import torch
 
-    from physic_core.geometry.coarse_mesh import coarse_mesh
+    from physic_core.geometry.mesh import coarse_mesh
 
     body = torch.from_numpy(np.array(vertices, np.float64))
     parts = torch.zeros(len(vertices), dtype=torch.int64)

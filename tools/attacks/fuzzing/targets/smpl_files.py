@@ -12,8 +12,7 @@ import numpy as np
 from scipy.sparse import csc_matrix
 
 from fuzzing.target import Target
-from physic_core.body.files.model_file import MANO, read_model_file
-from physic_core.body.files.smplx import SMPLX, load_smplx
+from physic_core.body.files import MANO, SMPLX, load_smplx, read_model_file
 from physic_core.errors import BodyModelError
 
 

@@ -1,6 +1,7 @@
-"""Visibility of each vertex: inside the person's mask, not self-occluded, and facing the camera.
+"""Visibility and contacts of vertices at a refresh.
 
-The optimiser updates the visibility every few steps. OpenCV camera frame, metres and pixels.
+A vertex is visible inside the person's mask, if it is not self-occluded and faces the camera. OpenCV camera frame,
+metres and pixels.
 """
 
 from __future__ import annotations
@@ -16,7 +17,9 @@ from physic_core.engine.joint.context import JointContext
 from physic_core.engine.limbs import limb_part_indices
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_normals
-from physic_core.geometry.visibility import facing_camera, inside_image, self_occlusion
+from physic_core.geometry.neighbors import NearestPointSearch
+from physic_core.geometry.plane import height_over_plane
+from physic_core.geometry.visibility import facing_camera, in_free_space, inside_image, self_occlusion
 
 HIDDEN_LIMB_SHARE = 0.3
 """A limb segment is hidden if this share of its vertices lies behind other parts; as in the released code."""
@@ -99,7 +102,8 @@ def update_visibility(context: JointContext, bodies: BodyOutput, self_occlusion:
     vertices = bodies.vertices[:, context.ids]
     masks = problem.masks
     uv = project(vertices, problem.K)
-    in_image = _in_image(uv, vertices, masks)
+    # Points behind the camera are not visible, although the clamped division gives them a pixel.
+    in_image = inside_image(uv, *masks.shape[-2:]) & (vertices[..., 2] > 0)
     in_mask = in_image & sample_mask_neighbours(uv, masks, context.person_px * settings.mask_tolerance).any(0)
     behind_self, hidden_limb = (flags[:, context.ids] for flags in self_occlusion(bodies.vertices))
     normals = vertex_normals(bodies.vertices, context.faces, context.faces_of_vertices)
@@ -115,12 +119,6 @@ def update_visibility(context: JointContext, bodies: BodyOutput, self_occlusion:
     )
 
 
-def _in_image(uv: Tensor, vertices: Tensor, masks: Tensor) -> Tensor:
-    """Return which vertices (B, V) project into the image."""
-    # Points behind the camera are not visible, although the clamped division gives them a pixel.
-    return inside_image(uv, *masks.shape[-2:]) & (vertices[..., 2] > 0)
-
-
 def sample_mask_neighbours(uv: Tensor, masks: Tensor, reach: Tensor) -> Tensor:
     """Sample masks (B, H, W) at pixels (B, V, 2) and at eight neighbours, ``reach`` (B,) px away: (9, B, V) bool."""
     height, width = masks.shape[-2:]
@@ -132,3 +130,84 @@ def sample_mask_neighbours(uv: Tensor, masks: Tensor, reach: Tensor) -> Tensor:
     inside = (in_v[:, :, None] & in_u[:, None]).flatten(1)
     found = masks.flatten(1).gather(1, pixel) & inside
     return found.reshape(len(uv), 9, -1).transpose(0, 1)
+
+
+MAX_MOTION_M = 0.6
+"""Motion of people, metres, after which the search structure of nearby scene points is rebuilt."""
+
+
+@dataclass(frozen=True)
+class ContactState:
+    """Nearest scene points and distances of the subsampled vertices (B, n).
+
+    Attributes:
+        found: bool, a scene point is within the search radius of the vertex.
+        distance: to that point, metres.
+        signed: along its normal, metres, negative inside; inf if no point is found.
+        height: above the floor's plane, metres; inf if there is no plane.
+        facing_scene: cosine between the body's normal and minus the scene's normal; 0 without a scene.
+        facing_floor: cosine between the body's normal and minus the floor's normal.
+        in_free_space: bool, nearer to the camera than the depth map at its pixel.
+        points: (B, n, 3) nearest scene points, unscaled; None without a scene, as are the fields below.
+        normals: (B, n, 3) of those points.
+        plane_distance: of the planes through those points from the camera, ``n . p``, unscaled.
+    """
+
+    found: Tensor
+    distance: Tensor
+    signed: Tensor
+    height: Tensor
+    facing_scene: Tensor
+    facing_floor: Tensor
+    in_free_space: Tensor
+    points: Tensor | None
+    normals: Tensor | None
+    plane_distance: Tensor | None
+
+
+def signed_distance(vertices: Tensor, points: Tensor, normals: Tensor) -> Tensor:
+    """Return the signed distance of vertices to the planes through scene points: ``n . (v - p)``, negative inside.
+
+    Vertices, points and unit normals (..., 3) -> (...) metres. Normals point to the camera's side.
+    """
+    return (normals * (vertices - points)).sum(-1)
+
+
+@torch.no_grad()
+def update_contacts(
+    context: JointContext, body_normals: Tensor, scene: NearestPointSearch, vertices: Tensor, scale: float
+) -> ContactState:
+    """Find the nearest scene points and measure the distances to them and to the floor.
+
+    Args:
+        body_normals: (B, n, 3) unit.
+        scene: from ``JointMethod.nearby_scene``.
+        vertices: (B, n, 3) subsampled vertices, metres.
+        scale: of the scene.
+    """
+    problem, plane = context.problem, context.problem.floor_normal
+    nearest = scene.query(vertices, scale)
+    far, zeros = torch.full_like(context.area, torch.inf), torch.zeros_like(context.area)
+    no = torch.zeros_like(context.on_visible_part)
+    free = no if context.fronts is None else in_free_space(vertices / scale, context.fronts, problem.K)
+    floor_offset = vertices.new_tensor(problem.floor_offset * scale)
+    signed, facing_scene = far, zeros
+    points = normals = plane_distance = None
+    if len(scene.points):
+        points, normals = scene.points[nearest.index], scene.normals[nearest.index]
+        plane_distance = (normals * points).sum(-1)
+        scaled = points * scale
+        signed = torch.where(nearest.found, signed_distance(vertices, scaled, normals), far)
+        facing_scene = -(body_normals * normals).sum(-1)
+    return ContactState(
+        found=nearest.found,
+        distance=nearest.distance,
+        signed=signed,
+        height=far if plane is None else height_over_plane(vertices, plane, floor_offset),
+        facing_scene=facing_scene,
+        facing_floor=zeros if plane is None else -(body_normals @ plane),
+        in_free_space=free,
+        points=points,
+        normals=normals,
+        plane_distance=plane_distance,
+    )

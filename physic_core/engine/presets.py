@@ -1,4 +1,5 @@
-"""Preset "default": the joint energy with the best measured results.
+"""Preset "default" of the engine: the joint energy with the best measured results. Plugins add presets (hook
+``physic_engine_presets``).
 
 It minimises Eq. 5 with the terms below, by L-BFGS on whitened parameters. Residuals are divided by their expected size.
 """
@@ -10,25 +11,48 @@ from dataclasses import dataclass, field, replace
 
 import torch
 
+from physic_core.engine.contact.method import ContactMethod
 from physic_core.engine.joint.context import JointContext, WeightedKeypoints, with_static_contacts
 from physic_core.engine.joint.method import JointMethod
 from physic_core.engine.joint.optimiser import LbfgsSettings, OptimiserSettings
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.state import State, StateSigmas
+from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Term
-from physic_core.engine.joint.terms.contact import CONTACT_RANGE_M, ContactTerm, ContactTermSettings
-from physic_core.engine.joint.terms.depth import DepthSettings, DepthTerm, depth_offset_sigmas
-from physic_core.engine.joint.terms.floor import FloorSettings, FloorTerm
-from physic_core.engine.joint.terms.limits import LimitSettings, LimitTerm
-from physic_core.engine.joint.terms.penetration import PenetrationSettings, PenetrationTerm
+from physic_core.engine.joint.terms.body import (
+    LimitSettings,
+    LimitTerm,
+    RegularisationSettings,
+    RegularisationTerm,
+    SceneScaleSettings,
+    SceneScaleTerm,
+    StatureSettings,
+    StatureTerm,
+)
 from physic_core.engine.joint.terms.people import PeopleTerm
-from physic_core.engine.joint.terms.regularisation import RegularisationSettings, RegularisationTerm
-from physic_core.engine.joint.terms.reprojection import ReprojectionSettings, ReprojectionTerm, weighted_keypoints
-from physic_core.engine.joint.terms.scene_scale import SceneScaleSettings, SceneScaleTerm
-from physic_core.engine.joint.terms.soles import SoleSettings, SoleTerm
-from physic_core.engine.joint.terms.stature import StatureSettings, StatureTerm
-from physic_core.engine.joint.terms.surface import SurfaceTermGroup, SurfaceTerms
-from physic_core.engine.joint.terms.views import ViewsTerm
+from physic_core.engine.joint.terms.picture import (
+    DepthSettings,
+    DepthTerm,
+    ReprojectionSettings,
+    ReprojectionTerm,
+    ViewsTerm,
+    depth_offset_sigmas,
+    weighted_keypoints,
+)
+from physic_core.engine.joint.terms.scene import (
+    CONTACT_RANGE_M,
+    ContactTerm,
+    ContactTermSettings,
+    FloorSettings,
+    FloorTerm,
+    PenetrationSettings,
+    PenetrationTerm,
+    SoleSettings,
+    SoleTerm,
+)
+from physic_core.engine.joint.terms.surface import SurfaceTerms
+from physic_core.engine.placement.method import PlacementMethod
+from physic_core.engine.scene.method import SceneMethod
+from physic_core.engine.settings import EngineSettings
 from physic_core.engine.sizes.evidence import DEPTH_SCALE_SIGMA
 
 _LATE_TOLERANCE = 1e-3  # of the steps with the people term, a small share of an energy that has converged
@@ -96,16 +120,15 @@ class DefaultOptimisation(JointMethod):
             problem.transl0,
             context.start.joints[:, 0],
             frozen=sorted(frozen),
-            sigmas=StateSigmas(
-                scale=DEPTH_SCALE_SIGMA if problem.scale_sigma is None else problem.scale_sigma,
-                offset=offset_sigma,
-            ),
+            scale_sigma=DEPTH_SCALE_SIGMA if problem.scale_sigma is None else problem.scale_sigma,
+            offset_sigma=offset_sigma,
         )
 
     def terms(self, context: JointContext, state: State) -> Sequence[Term]:
         """Return the terms of the energy, in the order of summation."""
         aware = self.visibility.occlusion_aware
-        surface = SurfaceTermGroup(
+        surface = SurfaceTerms(
+            context,
             depth=DepthTerm(self.depth, context, state),
             contact=ContactTerm(self.contact, context),
             penetration=PenetrationTerm(self.penetration, context, occlusion_aware=aware),
@@ -116,7 +139,7 @@ class DefaultOptimisation(JointMethod):
         keypoints = self.reprojection
         return [
             ReprojectionTerm(context, keypoints.weight, context.person_px[:, None] * keypoints.sigma, keypoints.rho()),
-            SurfaceTerms(context, surface),
+            surface,
             SceneScaleTerm(self.scene_scale.weight),
             LimitTerm(self.limits),
             StatureTerm(self.stature, context),
@@ -128,3 +151,7 @@ class DefaultOptimisation(JointMethod):
         other."""
         late = replace(self.optimiser, tolerance=min(self.optimiser.tolerance, _LATE_TOLERANCE))
         return [PeopleTerm(self.contact, self.penetration, context)], late
+
+
+DEFAULT = EngineSettings(SceneMethod(), PlacementMethod(), DefaultOptimisation(), ContactMethod())
+"""Settings of preset "default"."""

