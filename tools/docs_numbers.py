@@ -28,14 +28,16 @@ CODE = ("physic_core", "plugins")
 COMMAND = "make pictures"
 """What renews pictures, numbers and lines; messages name it."""
 
-FOCAL_SHARE, DISTANCE_SHARE, CONTACT_PERCENT = 0.02, 0.05, 2.0
-"""How far two machines may be apart: the libraries' kernels round differently, and contact has a threshold."""
+FOCAL_SHARE, DISTANCE_SHARE, PROBABILITY = 0.02, 0.05, 0.1
+"""How far two machines may be apart: the libraries' kernels round differently."""
+LIKELY = 0.5
+"""Probability from which contacts are named."""
 TEXT_SHARE, TEXT_DIFFERENCE = 0.05, 0.05
 """The same for numbers in printed text, whose meaning is not known: either bound suffices."""
 
 
 def numbers_of(result: Reconstruction) -> dict[str, Any]:
-    """Return grade and focal length in px of a result, and of each person grade, distance in m and share of contact."""
+    """Return grade and focal length in px of a result, and of each person grade, distance in m and contacts."""
     return {
         "grade": str(result.grade),
         "failed_checks": _failed(result, None),
@@ -45,7 +47,11 @@ def numbers_of(result: Reconstruction) -> dict[str, Any]:
                 "grade": str(person.grade),
                 "failed_checks": _failed(result, i),
                 "distance_m": round(float(np.linalg.norm(person.joints[0])), 1) if len(person.joints) else None,
-                "contact_percent": round(100 * float(np.mean(person.contact)), 1),
+                "touches": {
+                    f"{one.part.replace('_', ' ')}: {one.partner}": round(one.probability or 1.0, 2)
+                    for one in person.contacts
+                    if one.likely and not one.assumed
+                },
             }
             for i, person in enumerate(result.people)
         ],
@@ -66,8 +72,9 @@ def differences(shown: Mapping[str, Any], measured: Mapping[str, Any]) -> list[s
         pairs |= {f"{key} of person {i}": (one[key], other[key], 0.0) for key in ("grade", "failed_checks")}
         margin = DISTANCE_SHARE * (other["distance_m"] or 0.0)
         pairs[f"distance of person {i}, m"] = (one["distance_m"], other["distance_m"], margin)
-        contact = one["contact_percent"], other["contact_percent"]
-        pairs[f"contact of person {i}, % of the vertices"] = (*contact, CONTACT_PERCENT)
+        for what in sorted({*one["touches"], *other["touches"]}):
+            touch = one["touches"].get(what, LIKELY), other["touches"].get(what, LIKELY)
+            pairs[f"probability of contact of person {i}, {what}"] = (*touch, PROBABILITY)
     return [
         f"{what}: {a} is shown, {b} is measured" for what, (a, b, margin) in pairs.items() if not near(a, b, margin)
     ]
@@ -100,8 +107,8 @@ def caption(numbers: Mapping[str, Any]) -> str:
     sentences = [f"Grade: **{numbers['grade']}**{_failing(numbers)}"]
     for i, person in enumerate(numbers["people"]):
         distance = "without a body" if person["distance_m"] is None else f"{person['distance_m']} m away"
-        contact = f"{person['contact_percent']} % in contact"
-        sentences.append(f"Person {i}: {person['grade']}, {distance}, {contact}{_failing(person)}")
+        touches = f"touches {', '.join(person['touches'])}" if person["touches"] else "touches nothing"
+        sentences.append(f"Person {i}: {person['grade']}, {distance}, {touches}{_failing(person)}")
     return ". ".join(sentences) + "."
 
 
