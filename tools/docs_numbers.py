@@ -15,10 +15,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.types.contacts import part_words
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from physic_core import Reconstruction
+    from physic_core.types import Person
 
 ROOT = Path(__file__).resolve().parents[1]
 NUMBERS = ROOT / "docs" / "pictures" / "numbers"
@@ -47,15 +50,22 @@ def numbers_of(result: Reconstruction) -> dict[str, Any]:
                 "grade": str(person.grade),
                 "failed_checks": _failed(result, i),
                 "distance_m": round(float(np.linalg.norm(person.joints[0])), 1) if len(person.joints) else None,
-                "touches": {
-                    f"{one.part.replace('_', ' ')}: {one.partner}": round(one.probability or 1.0, 2)
-                    for one in person.contacts
-                    if one.likely and not one.assumed
-                },
+                "touches": _touches(person),
             }
             for i, person in enumerate(result.people)
         ],
     }
+
+
+def _touches(person: Person) -> dict[str, float]:
+    """Return what each part probably touches, "left foot: floor", with the probability; only what pixels show."""
+    found: dict[str, float] = {}
+    for one in person.contacts:
+        if one.likely and not one.assumed:
+            partner = one.partner.title if one.partner.kind != "scene" else one.partner.surface or "a surface"
+            name = f"{part_words(one.part)}: {partner}"
+            found[name] = max(found.get(name, 0.0), round(one.probability or 1.0, 2))
+    return dict(sorted(found.items()))
 
 
 def _failed(result: Reconstruction, person: int | None) -> list[str]:
