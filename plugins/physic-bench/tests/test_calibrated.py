@@ -115,15 +115,6 @@ def test_what_is_wrong_with_the_truth_is_named(root: Path, tmp_path: Path):
     assert not (tmp_path / "out" / "table.txt").exists()
 
 
-def test_a_result_that_is_cut_off_is_a_missing_person_with_a_reason(root: Path, tmp_path: Path):
-    theirs = results(tmp_path, TRUE)
-    file = tmp_path / "theirs" / "p1.npz"
-    file.write_bytes(file.read_bytes()[:200])
-    assert evaluated(root, tmp_path / "out", "--results", theirs)["found"] == pytest.approx(2 / 3)
-    records = json.loads((tmp_path / "out" / "results.json").read_text())["records"]["theirs"]
-    assert str(file) in records[1]["reason"]
-
-
 VIEWS = ("east", "north", "west", "south")
 
 

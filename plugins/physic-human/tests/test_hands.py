@@ -21,7 +21,7 @@ from physic_human.wilor import Wilor, WilorOptions
 from physic_testing import violations
 from physic_testing.body_files import mano_arrays, write_published
 from physic_testing.conformance import parametrize_with_checks
-from physic_testing.conformance.hand_estimator import true_hands
+from physic_testing.conformance.truth import true_hands
 from physic_testing.worlds import World
 
 from .seen import CropsOnWorlds, Place, coordinates, nearest, network_of, pixels, place_of, wrist_turns

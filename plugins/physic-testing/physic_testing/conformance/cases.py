@@ -49,6 +49,9 @@ EVIDENCE = ("one person", "several people", "walking", "steps", "squatting", "le
 EVIDENCE_OF_HANDS = ("close", "striding, large", "sitting, large", "crouching, large")
 """The same for hands, which are too small in the others: at 320 x 240 px, a hand has 8 to 15 px."""
 
+PAIRED = {"": ("several people", "walking", "leaning"), "hand_estimator": ("close", "sitting, large")}
+"""Interface, or "" for all others -> photos that are changed, too."""
+
 _LARGE = 3
 _GLARE = 247
 

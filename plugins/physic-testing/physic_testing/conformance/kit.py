@@ -13,15 +13,14 @@ from physic_testing.conformance import (
     body_estimator,
     colours,
     contact_prior,
+    depths,
     hand_estimator,
     inpainter,
     keypoint_detector,
     lifecycle,
     manners,
-    metric_depth,
     output_checks,
     registration,
-    relative_pointmap,
     requirements,
     segmenter,
 )
@@ -29,23 +28,25 @@ from physic_testing.conformance.backend_under_test import BackendUnderTest, find
 from physic_testing.conformance.cases import SIZE
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.exactness import check_is_exact
+from physic_testing.conformance.readings import check_group
 from physic_testing.conformance.run import CheckRun, require_check_names
 
 if TYPE_CHECKING:
     from physic_testing.conformance.backend_under_test import OptionsFor
+    from physic_testing.conformance.readings import Group, Table
     from physic_testing.conformance.report import Report
 
-_INTERFACE_CHECKS: dict[str, tuple[Check, ...]] = {
-    "segmenter": output_checks.PEOPLE_CHECKS + segmenter.CHECKS + colours.CHECKS,
-    "inpainter": inpainter.CHECKS,
-    "metric_depth": output_checks.HINT_CHECKS + metric_depth.CHECKS + colours.CHECKS,
-    "relative_pointmap": relative_pointmap.CHECKS + colours.CHECKS,
-    "keypoint_detector": colours.CHECKS + keypoint_detector.CHECKS,
-    "body_estimator": body_estimator.CHECKS,
-    "hand_estimator": hand_estimator.CHECKS,
-    "contact_prior": contact_prior.CHECKS,
+TABLES: dict[str, tuple[Table, tuple[Check, ...]]] = {
+    "segmenter": (segmenter.TABLE, segmenter.CHECKS + colours.CHECKS),
+    "inpainter": (inpainter.TABLE, inpainter.CHECKS),
+    "metric_depth": (depths.DEPTH, depths.DEPTH_CHECKS + colours.CHECKS),
+    "relative_pointmap": (depths.POINTS, depths.POINTS_CHECKS + colours.CHECKS),
+    "keypoint_detector": (keypoint_detector.TABLE, keypoint_detector.CHECKS + colours.CHECKS),
+    "body_estimator": (body_estimator.TABLE, body_estimator.CHECKS),
+    "hand_estimator": (hand_estimator.TABLE, hand_estimator.CHECKS),
+    "contact_prior": (contact_prior.TABLE, contact_prior.CHECKS),
 }
-"""Checks against the ground truth of a world, by interface; other interfaces have only the general checks."""
+"""Interface -> how outputs are compared with the truth, and further checks; others have only the general checks."""
 
 _STATE = ("is_deterministic", "does_not_repeat_itself", "keeps_no_state_between_photos")
 
@@ -67,12 +68,25 @@ def checks_for(interface: str) -> tuple[Check, ...]:
 
 def accuracy_checks(interface: str) -> tuple[Check, ...]:
     """Return the checks of an interface that compare outputs with the ground truth, in order of execution."""
-    if interface not in _INTERFACE_CHECKS:
+    if interface not in TABLES:
         return ()
-    own = _INTERFACE_CHECKS[interface]
+    table, further = TABLES[interface]
+    own = (*further, *(_check_of(table, group) for group in table.groups))
     # What another check has found would be found again, with a poorer hint.
     after = (*_STATE, *(check.name for check in own))
-    return (*own, Check(check_is_exact, "physic_testing.conformance.CAPABILITIES", after=after, unless=BLIND))
+    exact = _named("is_exact", check_is_exact.__doc__, lambda subject: check_is_exact(subject, table))
+    return (*own, Check(exact, "physic_testing.conformance.CAPABILITIES", after=after, unless=BLIND))
+
+
+def _check_of(table: Table, group: Group) -> Check:
+    """Return the check of a group."""
+    function = _named(group.check, f"{group.what}.", lambda subject: check_group(subject, table, group))
+    return Check(function, table.read, after=(*table.after, *group.after))
+
+
+def _named(name: str, summary: str | None, function: Callable[[BackendUnderTest], Any]) -> Callable[..., Any]:
+    function.__name__, function.__doc__ = f"check_{name}", summary
+    return function
 
 
 def check_backend(

@@ -14,7 +14,7 @@ from physic_testing.conformance.attributes import attribute_values, replaced_att
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.field_comparison import describe_difference
-from physic_testing.conformance.manners import held_arrays
+from physic_testing.conformance.manners import held_arrays, is_network
 from physic_testing.conformance.network_and_memory import no_network, resident_megabytes
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ def _expect_helpful_message(message: str) -> None:
 
 
 def check_refuses_a_missing_device(subject: BackendUnderTest) -> None:
-    """`load` raises a PhysicError for a GPU that does not exist; a backend without a device may ignore it."""
+    """`load` raises a PhysicError for a GPU that does not exist; a backend without a network may ignore it."""
     backend = _construct(subject)
     try:
         backend.load(MISSING_DEVICE)
@@ -116,7 +116,14 @@ def check_refuses_a_missing_device(subject: BackendUnderTest) -> None:
             describe_error(error, subject.kind),
             "physic_core.adapters.devices.check_device(device) raises this error.",
         ) from error
+    networks = [path for path, value in attribute_values(backend).items() if is_network(value)]
     _close_quietly(backend)
+    expect(
+        not networks,
+        f"load({MISSING_DEVICE!r}) to raise a physic_core.errors.DeviceError, or to work without a device",
+        f"a network in {networks[0] if networks else ''}",
+        "Does it fall back to the CPU in silence?",
+    )
 
 
 def check_infer_before_load_works_or_raises(subject: BackendUnderTest) -> None:

@@ -31,16 +31,23 @@ _LEAK = "Does it keep inputs, outputs or tensors with their gradients in a list,
 
 
 def held_arrays(thing: Any) -> dict[int, int]:
-    """Return the bytes of the arrays, tensors and networks that an object holds in its attributes, by their id."""
+    """Return the bytes of the arrays, tensors and networks that an object and its class hold, by their id."""
     from physic_testing.conformance.attributes import attribute_values
 
     sizes: dict[int, int] = {}
-    for value in attribute_values(thing).values():
+    of_class = attribute_values({name: value for kind in type(thing).__mro__ for name, value in vars(kind).items()})
+    for value in (*attribute_values(thing).values(), *of_class.values()):
         if isinstance(getattr(value, "nbytes", None), int):
             sizes[id(value)] = value.nbytes
-        elif callable(getattr(value, "parameters", None)) and hasattr(value, "state_dict"):
+        elif is_network(value) and hasattr(value, "state_dict"):
             sizes |= {id(p): p.nbytes for p in value.parameters()}
     return sizes
+
+
+def is_network(value: Any) -> bool:
+    """Return whether an object is a network of torch, or a session of ONNX Runtime."""
+    is_torch = callable(getattr(value, "parameters", None)) and hasattr(value, "state_dict")
+    return (is_torch or hasattr(value, "get_providers")) and not isinstance(value, type)
 
 
 def check_changes_no_settings_of_the_process(subject: BackendUnderTest) -> None:

@@ -34,9 +34,9 @@ def check_accepts_several_people(subject: BackendUnderTest) -> None:
 def check_accepts_or_refuses_each_photo_of_people(subject: BackendUnderTest) -> None:
     """For each photo over which bias is measured, the output is valid or infer raises a PhysicError."""
     for name in subject.evidence_names:
-        _expect_valid_output_or_refusal(
-            subject, name, "Is it a hidden part of a person, or a sky, whose depth is unknown or infinite and not 0?"
-        )
+        is_depth = subject.interface in ("metric_depth", "relative_pointmap")
+        hint = "Is it the sky, whose depth is NaN and not 0?" if is_depth else "Is it a person who is partly hidden?"
+        _expect_valid_output_or_refusal(subject, name, hint)
 
 
 def check_accepts_an_odd_size(subject: BackendUnderTest) -> None:

@@ -35,6 +35,7 @@ class Result:
         hint: for a failure, a likely cause.
         reason: why the check was skipped or is expected to fail.
         read: module or class that documents the requirement.
+        unseen: mistakes that the check could not tell from errors of the network.
         seconds: run time, including the first call of the backend on each photo.
         error: for a failure caused by an exception, the exception.
     """
@@ -46,6 +47,7 @@ class Result:
     hint: str = ""
     reason: str = ""
     read: str = ""
+    unseen: tuple[str, ...] = ()
     seconds: float = 0.0
     error: BaseException | None = field(default=None, compare=False, repr=False)
 
@@ -142,6 +144,9 @@ class Report:
         if self.accuracy:
             numbers = ", ".join(f"{name} {value:.3g}" for name, value in self.accuracy.items())
             blocks.append(f"accuracy on worlds (not judged): {numbers}")
+        blocks += [f"not decidable here: {r.check}: {', '.join(r.unseen)}" for r in self.results if r.unseen]
+        if self.ok and any(r.unseen for r in self.results):
+            blocks.append("test the wrapper alone with a network that knows the truth: capability `exact`")
         return "\n".join([*blocks, self.summary])
 
     def as_dict(self) -> dict[str, Any]:

@@ -80,7 +80,7 @@ class CheckRun:
             with warnings.catch_warnings():
                 # Warnings are not part of the contract; the caller's warning filters must not affect a check.
                 warnings.simplefilter("ignore")
-                check.function(self.subject)
+                unseen = check.function(self.subject) or ()
         except CheckFailed as failure:
             return Result(
                 name,
@@ -97,7 +97,7 @@ class CheckRun:
             got = describe_error(error, self.subject.kind)
             hint = "The check itself raised this error; it may be a defect of the check."
             return Result(name, "failed", check.summary.rstrip("."), got, hint, read=check.read, error=error)
-        return Result(name, "passed")
+        return Result(name, "passed", unseen=unseen)
 
     def _as_expected(self, result: Result) -> Result:
         """Mark a result as an expected failure or an unexpected success."""

@@ -85,8 +85,8 @@ def test_a_failure_states_expected_and_found_value_unit_and_reference():
     assert failure.message.startswith("depth_is_in_metres\n")
     for words in (failure.expected, failure.got, "Is it centimetres?", "physic_core.types.DepthMap"):
         assert words in failure.message
-    assert "factor 3" in failure.expected
-    assert "100 times the truth" in failure.got
+    assert failure.expected == "metres"
+    assert "but of 0 if it is centimetres" in failure.got
 
 
 def test_the_summary_counts_passed_failed_and_skipped_checks():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from physic_core.types import DepthMap
-from physic_testing.conformance.depth_checks import aligned_depth_error, rank_correlation
+from physic_testing.conformance.depths import aligned_depth_error
 from physic_testing.conformance.field_comparison import describe_difference
 from physic_testing.conformance.network_and_memory import no_network, resident_megabytes
 
@@ -59,10 +59,3 @@ def test_alignment_ignores_some_wrong_pixels(unknown, relative):
     assert aligned_depth_error(spoilt, DEPTH, unknown) < 0.01
     if unknown != "scale":
         assert aligned_depth_error(relative, DEPTH, "scale") > 0.02
-
-
-def test_the_order_of_depths_is_all_that_counts():
-    assert rank_correlation(DEPTH**3, DEPTH) == pytest.approx(1)
-    assert rank_correlation(1 / DEPTH, DEPTH) == pytest.approx(-1)
-    assert rank_correlation(np.full_like(DEPTH, np.nan), DEPTH) == 0
-    assert rank_correlation(np.ones_like(DEPTH), DEPTH) == 0

@@ -27,7 +27,7 @@ from right_backends import (
 
 from physic_core import interfaces
 from physic_core.errors import BackendError
-from physic_core.types import Hints, Intrinsics, Skeleton
+from physic_core.types import Hints, Skeleton
 from physic_testing.conformance.cases import build_case
 
 
@@ -165,6 +165,20 @@ class Fast(RightMetricDepth):
         if device != "cpu":
             raise RuntimeError("CUDA error: invalid device ordinal")
         super().load(device)
+
+
+class Session:
+    """Stands for a session of ONNX Runtime."""
+
+    def get_providers(self):
+        return ["CPUExecutionProvider"]
+
+
+@wrong("the CPU in place of a missing GPU", "refuses_a_missing_device")
+class Falling(RightMetricDepth):
+    def load(self, device="cpu"):
+        super().load(device)
+        self.session = Session()
 
 
 @wrong("not loaded as AttributeError", "infer_before_load_works_or_raises")
@@ -379,6 +393,15 @@ class Keeping(RightMetricDepth):
             self.weights = np.ones(1_000_000)
 
 
+@wrong("weights in the class after close", "close_releases_memory")
+class KeepingInClass(RightMetricDepth):
+    weights: ClassVar[Any] = None
+
+    def load(self, device="cpu"):
+        super().load(device)
+        type(self).weights = np.ones(1_000_000)
+
+
 restless(
     RightMetricDepth,
     "arrays of its own kind only",
@@ -401,11 +424,6 @@ def transposed(z: np.ndarray) -> np.ndarray:
     return z.T[np.ix_(rows, columns)]
 
 
-def stretch(height: int, width: int, camera: Intrinsics) -> np.ndarray:
-    v, u = np.mgrid[:height, :width]
-    return np.sqrt(1 + ((u - camera.cx) / camera.fx) ** 2 + ((v - camera.cy) / camera.fy) ** 2)
-
-
 def only_corner(z: np.ndarray) -> np.ndarray:
     kept = np.full_like(z, np.nan)
     kept[: z.shape[0] // 3, : z.shape[1] // 3] = z[: z.shape[0] // 3, : z.shape[1] // 3]
@@ -416,10 +434,10 @@ def normalised_camera(answer: Any, *_: Any) -> Any:
     return replace(answer, intrinsics=answer.intrinsics and replace(answer.intrinsics, fx=1.2, fy=1.2))
 
 
-altered(RightMetricDepth, "only a corner", "depth_covers_the_photo", of_depth(only_corner))
-altered(RightMetricDepth, "transposed", "depth_is_not_transposed_or_flipped", of_depth(transposed))
-altered(RightMetricDepth, "upside down", "depth_is_not_transposed_or_flipped", of_depth(lambda z: z[::-1]))
-altered(RightMetricDepth, "disparity", "depth_grows_with_distance", of_depth(lambda z: np.median(z) ** 2 / z))
+altered(RightMetricDepth, "only a corner", "depth_is_where_it_can_be_known", of_depth(only_corner))
+altered(RightMetricDepth, "transposed", "depth_is_along_z_and_upright", of_depth(transposed))
+altered(RightMetricDepth, "upside down", "depth_is_along_z_and_upright", of_depth(lambda z: z[::-1]))
+altered(RightMetricDepth, "disparity", "depth_is_along_z_and_upright", of_depth(lambda z: np.median(z) ** 2 / z))
 altered(RightMetricDepth, "centimetres", "depth_is_in_metres", of_depth(lambda z: 100 * z))
 altered(RightMetricDepth, "a focal length in shares of the width", "intrinsics_fit_the_photo", normalised_camera)
 altered(
@@ -462,32 +480,6 @@ for right in (RightSegmenter, RightMetricDepth, RightPointmap, RightKeypoints):
 # ---- point maps ------------------------------------------------------------------------------------------------------
 
 
-def of_points(change: Callable[[np.ndarray], np.ndarray]) -> Callable[..., Any]:
-    return lambda a, *_: replace(a, points=change(a.points).astype(np.float32))
-
-
-def on_rays(points: np.ndarray, z: np.ndarray) -> np.ndarray:
-    return points * (z / points[..., 2])[..., None]
-
-
-def ray_points(answer: Any, image: Any, hints: Any) -> Any:
-    camera = hints.intrinsics or answer.intrinsics
-    return replace(answer, points=(answer.points * stretch(*answer.valid.shape, camera)[..., None]).astype(np.float32))
-
-
-def valid_corner(answer: Any, *_: Any) -> Any:
-    corner = np.zeros_like(answer.valid)
-    corner[: corner.shape[0] // 3, : corner.shape[1] // 3] = True
-    return replace(answer, valid=answer.valid & corner)
-
-
-altered(RightPointmap, "only a corner", "points_cover_the_photo", valid_corner)
-altered(RightPointmap, "transposed", "points_are_not_transposed_or_flipped", of_points(
-    lambda p: on_rays(p, transposed(p[..., 2]))
-))  # fmt: skip
-altered(RightPointmap, "disparity", "depth_grows_with_distance", of_points(lambda p: on_rays(p, 1 / p[..., 2])))
-altered(RightPointmap, "ray length", "z_is_not_ray_length", ray_points)
-altered(RightPointmap, "a focal length in shares of the width", "intrinsics_fit_the_photo", normalised_camera)
 restless(
     RightPointmap,
     "a camera that is there",
@@ -509,14 +501,6 @@ restless(
     lambda image, hints: hints.scene is not None,
     BackendError("one call is enough"),
 )
-
-
-@wrong("a camera that it promised", "returns_intrinsics_as_promised")
-class ForgetfulPoints(RightPointmap):
-    capabilities: ClassVar[tuple[str, ...]] = ("returns_intrinsics",)
-
-    def infer(self, image, hints):
-        return replace(super().infer(image, hints), intrinsics=None)
 
 
 # ---- people ----------------------------------------------------------------------------------------------------------
@@ -554,7 +538,7 @@ def dilated(answer, *_):
     return replace(answer, masks=masks & free, boxes=np.add(answer.boxes, [-2, -2, 2, 2]))
 
 
-altered(RightSegmenter, "dilated masks", "masks_are_as_large_as_people", dilated)
+altered(RightSegmenter, "dilated masks", "masks_are_in_place", dilated)
 altered(RightSegmenter, "inverted masks", "masks_lie_on_people", inverted)
 altered(
     RightSegmenter,
@@ -565,7 +549,7 @@ altered(
 altered(
     RightSegmenter,
     "an inverted floor",
-    "floor_mask_is_on_the_floor",
+    "floor_mask_excludes_people",
     lambda a, *_: replace(a, floor=None if a.floor is None else ~a.floor & ~a.masks.any(axis=0)),
 )
 altered(RightSegmenter, "people who are floor", "floor_mask_excludes_people", floor_over_people)
@@ -584,7 +568,7 @@ restless(
 restless(
     RightInpainter,
     "a full mask is an error",
-    "accepts_or_refuses_a_full_mask",
+    "an_empty_mask_changes_nothing",
     lambda image, mask: bool(mask.all()),
     IndexError("index 0 is out of bounds"),
 )
@@ -616,7 +600,7 @@ altered(
 altered(
     RightKeypoints,
     "y before x",
-    "joints_lie_on_the_person",
+    "joints_are_those_of_the_person",
     lambda a, *_: replace(a, points=a.points[..., ::-1].copy()),
 )
 for right in (RightKeypoints, RightBodies, RightHands, RightContact):
@@ -651,12 +635,15 @@ altered(RightBodies, "an unknown body", "body_model_is_known", lambda a, *_: rep
 altered(RightBodies, "degrees", "angles_are_radians", of_parameters(lambda p: {"body_pose": np.degrees(p.body_pose)}))
 altered(RightBodies, "an OpenGL camera", "bodies_are_in_front", of_parameters(opengl))
 altered(
-    RightBodies, "centimetres", "bodies_are_in_metres", of_parameters(lambda p: placed(p, lambda pelvis: 100 * pelvis))
+    RightBodies,
+    "centimetres",
+    "bodies_are_as_far_away",
+    of_parameters(lambda p: placed(p, lambda pelvis: 100 * pelvis)),
 )
 altered(
     RightBodies,
     "the frame of the crop",
-    "bodies_project_into_the_boxes",
+    "bodies_are_in_place",
     of_parameters(lambda p: placed(p, lambda pelvis: pelvis + np.array([1.5, 0, 0]))),
 )
 restless(

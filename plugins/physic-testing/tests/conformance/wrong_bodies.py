@@ -103,6 +103,6 @@ altered(WristHands, "wrists against the forearm", "wrists_are_in_the_cameras_fra
 altered(
     WristHands,
     "wrists exchanged",
-    "left_wrist_comes_first",
+    "wrists_are_in_the_cameras_frame",
     lambda a, *_: replace(a, wrists=a.wrists[:, ::-1].copy()),
 )

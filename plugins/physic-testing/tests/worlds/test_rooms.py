@@ -3,7 +3,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physic_core.geometry.rays import RayCaster
 from physic_testing.worlds.rooms import Room, Walls
 from physic_testing.worlds.solids import Block, Ground
 from physic_testing.worlds.textures import Patch
@@ -52,13 +51,3 @@ def test_normals_of_faces_point_into_free_space(room):
     assert (room.signed_distance(middle + 0.01 * normal)[~buried] > 0).all()
     up = normal[surface == 0]
     np.testing.assert_allclose(up, np.broadcast_to(room.ground.normal, up.shape), atol=1e-12)
-
-
-def test_rays_hit_a_triangle_where_it_is():
-    caster = RayCaster(np.array([[0.0, 0, 4], [1, 0, 4], [0, 1, 4]]), np.array([[0, 1, 2]]))
-    hits = caster.first(np.zeros(3), np.array([[0.25, 0.25, 4.0], [0.0625, 0.125, 1.0], [0.5, 0.5, -1.0]]))
-    np.testing.assert_array_equal(hits.face, [0, 0, -1])
-    np.testing.assert_allclose(hits.distance, [1, 4, np.inf], rtol=1e-12)
-    np.testing.assert_allclose(hits.corners[1], [0.25, 0.25, 0.5], atol=1e-5)
-    blocked = caster.blocked(np.array([0.2, 0.2, 0.0]), np.array([[0, 0, 4.1], [0, 0, 3.9], [0, 0, -9.0]]))
-    np.testing.assert_array_equal(blocked, [True, False, False])

@@ -13,7 +13,6 @@ from physic_testing.worlds import (
     build_world,
 )
 from physic_testing.worlds import world as worlds
-from physic_testing.worlds.rendering import pixel_rays
 
 SIZE = (192, 144)
 SAMPLE = ("stand", "sit_on_stool", "stand_behind_counter", "hug", "slope")
@@ -35,17 +34,6 @@ def rotations(parameters):
     order = ("global_orient", "body_pose", "jaw_pose", "leye_pose", "reye_pose", "left_hand_pose", "right_hand_pose")
     rotvecs = np.concatenate([getattr(parameters, name) for name in order], axis=1).reshape(-1, 55, 3)
     return roma.rotvec_to_rotmat(torch.tensor(rotvecs))
-
-
-def plane_hits(corners: np.ndarray, rays: np.ndarray) -> np.ndarray:
-    """Depths along rays (n, 3) from the origin at which they meet a triangle (3, 3), by solving for the weights."""
-    a, b, c = corners
-    system = np.stack([np.broadcast_to(b - a, rays.shape), np.broadcast_to(c - a, rays.shape), -rays], axis=-1)
-    solvable = np.abs(np.linalg.det(system)) > 1e-12
-    depth = np.full(len(rays), np.inf)
-    s, t, z = np.linalg.solve(system[solvable], -a[:, None])[..., 0].T
-    depth[solvable] = np.where((s >= 0) & (t >= 0) & (s + t <= 1) & (z > 0), z, np.inf)
-    return depth
 
 
 def test_the_parameters_pose_the_bodies(world, model):
@@ -92,18 +80,6 @@ def test_the_pictures_agree_with_the_geometry(world):
     near = np.isfinite(empty).all(axis=2) & (world.empty_depth < 20)
     in_room = world.camera.to_room(empty[near].astype(float))
     assert np.abs(world.room.signed_distance(in_room)).max() < 1e-4
-
-
-def test_depth_is_that_of_the_nearest_triangle_by_slow_search(world):
-    """Every eighth pixel against every triangle of the scene."""
-    vertices, faces, _ = world.room.mesh()
-    corners = world.camera.to_camera(vertices)[faces]
-    rays = pixel_rays(world.intrinsics).reshape(*world.depth.shape, 3)[::8, ::8].reshape(-1, 3)
-    depth = np.min([plane_hits(triangle, rays) for triangle in corners], axis=0)
-    seen = world.empty_depth[::8, ::8].reshape(-1)
-    with np.errstate(invalid="ignore"):
-        same = (depth == seen) | (np.abs(depth - seen) <= 1e-5 * seen)
-    assert same.mean() > 0.995  # a ray along an edge may go either way
 
 
 def test_the_sky_is_infinitely_far_and_nothing_else():

@@ -1,0 +1,511 @@
+"""Faults that a wrapper of a network may have without an error, as changes of what a mock returns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import cv2
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from physic_core.body import JOINT_INDEX, load_body
+from physic_core.body.convert.bodies import rest_mesh_of_model
+from physic_core.types import Keypoints
+from physic_testing.conformance.truth import embedded_surface, mirrored_order
+
+
+def moved(array: np.ndarray, right: int, down: int, empty: Any = None) -> np.ndarray:
+    """An image moved by whole pixels; what comes in repeats the border, or is ``empty``."""
+    rows = np.arange(array.shape[0]) - down
+    columns = np.arange(array.shape[1]) - right
+    found = array[np.clip(rows, 0, len(rows) - 1)][:, np.clip(columns, 0, len(columns) - 1)]
+    if empty is not None:
+        found[(rows < 0) | (rows >= len(rows))] = empty
+        found[:, (columns < 0) | (columns >= len(columns))] = empty
+    return found
+
+
+# ---- segmenter -------------------------------------------------------------------------------------------------------
+
+
+def boxes_of(masks: np.ndarray) -> np.ndarray:
+    found = []
+    for mask in masks:
+        rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+        found.append([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1])
+    return np.array(found, float).reshape(-1, 4)
+
+
+def with_masks(people: Any, change: Callable[[np.ndarray], np.ndarray]) -> Any:
+    if not len(people):
+        return people
+    masks = np.stack([change(mask) for mask in people.masks])
+    return replace(people, masks=masks, boxes=boxes_of(masks))
+
+
+def enlarged(mask: np.ndarray) -> np.ndarray:
+    return mask[np.ix_(*((np.arange(n) / 1.03).astype(int) for n in mask.shape))]
+
+
+def in_one_mask(people: Any, *_: Any) -> Any:
+    if not len(people):
+        return people
+    masks = people.masks.any(axis=0, keepdims=True)
+    return replace(people, masks=masks, boxes=boxes_of(masks), scores=people.scores[:1])
+
+
+# ---- keypoints -------------------------------------------------------------------------------------------------------
+
+
+def with_points(change: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Callable[..., Any]:
+    """The points changed, which see the centres (N, 1, 2) of the boxes."""
+
+    def changed(keypoints: Any, image: Any, people: Any) -> Any:
+        centres = ((people.boxes[:, :2] + people.boxes[:, 2:]) / 2 - 0.5)[:, None]
+        return replace(keypoints, points=change(keypoints.points, centres))
+
+    return changed
+
+
+def exchanged(keypoints: Keypoints, *names: tuple[str, str]) -> Keypoints:
+    order = list(range(len(keypoints.joint_set)))
+    for first, second in names:
+        i, j = keypoints.joint_set.names.index(first), keypoints.joint_set.names.index(second)
+        order[i], order[j] = j, i
+    return replace(keypoints, points=keypoints.points[:, order], confidence=keypoints.confidence[:, order])
+
+
+def with_world(keypoints: Any, image: Any, people: Any, *, right: int) -> Any:
+    tall = (people.boxes[:, 3] - people.boxes[:, 1]).reshape(-1, 1, 1)
+    flat = (keypoints.points - keypoints.points[:, 23:25].mean(axis=1, keepdims=True)) * 1.7 / np.maximum(tall, 1)
+    return replace(keypoints, world=np.concatenate([flat * [right, 1], np.zeros_like(flat[..., :1])], axis=2))
+
+
+_LEGS = [(f"{side}_knee", f"{side}_ankle") for side in ("left", "right")]
+
+
+# ---- depth -----------------------------------------------------------------------------------------------------------
+
+
+def with_depth(change: Callable[[np.ndarray], np.ndarray]) -> Callable[..., Any]:
+    return lambda d, *_: replace(d, depth=change(d.depth).astype(np.float32))
+
+
+def stretch(camera: Any) -> np.ndarray:
+    v, u = np.mgrid[: camera.height, : camera.width]
+    return np.sqrt(1 + ((u - camera.cx) / camera.fx) ** 2 + ((v - camera.cy) / camera.fy) ** 2)
+
+
+def along_rays(depth: Any, *_: Any) -> Any:
+    return replace(depth, depth=(depth.depth * stretch(depth.intrinsics)).astype(np.float32))
+
+
+def with_camera(**by: float) -> Callable[..., Any]:
+    def changed(result: Any, *_: Any) -> Any:
+        camera = result.intrinsics
+        factors = {name: getattr(camera, name) * value for name, value in by.items() if name.startswith("f")}
+        offsets = {name: getattr(camera, name) + value for name, value in by.items() if name.startswith("c")}
+        return replace(result, intrinsics=replace(camera, **factors, **offsets))
+
+    return changed
+
+
+def with_points_of_map(change: Callable[[np.ndarray, Any], np.ndarray]) -> Callable[..., Any]:
+    return lambda p, *_: replace(p, points=change(p.points, p.intrinsics).astype(np.float32))
+
+
+def half_a_pixel_right(points: np.ndarray, camera: Any) -> np.ndarray:
+    return points + points[..., 2:] * [0.5 / camera.fx, 0.5 / camera.fy, 0]
+
+
+def on_same_rays(points: np.ndarray, z: np.ndarray) -> np.ndarray:
+    return points * (z / points[..., 2])[..., None]
+
+
+def farther(points: np.ndarray) -> np.ndarray:
+    return on_same_rays(points, points[..., 2] + 0.3 * np.nanmedian(points[..., 2]))
+
+
+def bent(pointmap: Any, *_: Any) -> Any:
+    z = pointmap.points[..., 2]
+    points = on_same_rays(pointmap.points, 1 / (1 / z + 0.3 / np.nanmedian(z)))
+    return replace(pointmap, points=points.astype(np.float32), unknown="scale_shift")
+
+
+# ---- inpainter -------------------------------------------------------------------------------------------------------
+
+
+def with_fill(change: Callable[[np.ndarray], np.ndarray]) -> Callable[..., Any]:
+    """The photo without people, as the mock fills it, changed inside of the mask."""
+
+    def changed(filled: np.ndarray, image: np.ndarray, mask: np.ndarray) -> np.ndarray:
+        from physic_mock.recognition import recognise_world
+
+        if not mask.any():
+            return filled
+        fill = change(recognise_world(image).world.empty_image.astype(float))
+        return np.where(mask[..., None], np.clip(np.rint(fill), 0, 255), image).astype(np.uint8)
+
+    return changed
+
+
+def rim_left(px: int) -> Callable[..., Any]:
+    """People's outermost pixels as they were."""
+
+    def changed(filled: np.ndarray, image: np.ndarray, mask: np.ndarray) -> np.ndarray:
+        import cv2
+
+        from physic_mock.recognition import recognise_world
+
+        person = recognise_world(image).people.astype(np.uint8)
+        inner = cv2.erode(person, np.ones((2 * px + 1, 2 * px + 1), np.uint8))
+        return np.where(((person > 0) & (inner == 0))[..., None], image, filled)
+
+    return changed
+
+
+def moved_picture(filled: np.ndarray, image: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    return moved(filled, 1, 0) if mask.any() else filled
+
+
+# ---- bodies ----------------------------------------------------------------------------------------------------------
+
+_MIRRORED = np.array(mirrored_order(tuple(JOINT_INDEX)[1:22]))
+_FLIP = np.array([1, -1, -1])
+
+
+def with_parameters(change: Callable[[Any], dict[str, np.ndarray]]) -> Callable[..., Any]:
+    def changed(bodies: Any, *_: Any) -> Any:
+        p = bodies.parameters
+        values = {name: np.asarray(v, np.float32) for name, v in change(p).items()} if len(p) else {}
+        return replace(bodies, parameters=replace(p, **values))
+
+    return changed
+
+
+def pelvis_at(change: Callable[[np.ndarray], np.ndarray]) -> Callable[..., Any]:
+    def changed(bodies: Any, *_: Any) -> Any:
+        if not len(bodies.parameters):
+            return bodies
+        pelvis = embedded_surface(bodies)[1][:, 0]
+        place = bodies.parameters.transl + change(pelvis) - pelvis
+        return replace(bodies, parameters=replace(bodies.parameters, transl=place.astype(np.float32)))
+
+    return changed
+
+
+def at_the_focal_length_of_the_crop(bodies: Any, image: Any, people: Any, *_: Any) -> Any:
+    sides = (people.boxes[:, 2:] - people.boxes[:, :2]).max(axis=1, initial=0)[:, None]
+    return pelvis_at(lambda pelvis: pelvis * sides / 150)(bodies)
+
+
+def turned(rotvecs: np.ndarray, by: list[float]) -> np.ndarray:
+    return (Rotation.from_rotvec(by) * Rotation.from_rotvec(rotvecs)).as_rotvec()
+
+
+def pose_of(p: Any, change: Callable[[np.ndarray], np.ndarray]) -> dict[str, np.ndarray]:
+    return {"body_pose": change(p.body_pose.reshape(len(p), 21, 3)).reshape(len(p), 63)}
+
+
+def of_mirrored_person(p: Any) -> dict[str, np.ndarray]:
+    root = Rotation.from_euler("x", np.pi) * Rotation.from_rotvec(p.global_orient)
+    mirrored = Rotation.from_euler("x", -np.pi) * Rotation.from_rotvec(root.as_rotvec() * _FLIP)
+    return {"global_orient": mirrored.as_rotvec(), **pose_of(p, lambda pose: pose[:, _MIRRORED] * _FLIP)}
+
+
+def with_joints(order: Callable[[list[int]], list[int]]) -> Callable[..., Any]:
+    """Joints of another body model, in another order."""
+
+    def changed(bodies: Any, *_: Any) -> Any:
+        joints = embedded_surface(bodies)[1] if len(bodies.parameters) else np.zeros((0, 55, 3))
+        joints = joints[:, order(list(range(55)))].astype(np.float32)
+        joints[:, 22:] = np.nan
+        shape = replace(bodies.parameters, betas=np.zeros((len(bodies.parameters), 10), np.float32))
+        return replace(bodies, parameters=shape, body_model="other", joints=joints)
+
+    return changed
+
+
+def sides_of_joints(order: list[int]) -> list[int]:
+    return [*mirrored_order(tuple(JOINT_INDEX)[:22]), *order[22:]]
+
+
+def knees_for_ankles(order: list[int]) -> list[int]:
+    order[4], order[5], order[7], order[8] = 7, 8, 4, 5
+    return order
+
+
+def of_pose(*pairs: tuple[str, str]) -> Callable[[np.ndarray], np.ndarray]:
+    order = list(range(21))
+    for first, second in pairs:
+        i, j = JOINT_INDEX[first] - 1, JOINT_INDEX[second] - 1
+        order[i], order[j] = j, i
+    return lambda pose: pose[:, order]
+
+
+# ---- hands, contact --------------------------------------------------------------------------------------------------
+
+
+def with_fingers(change: Callable[[np.ndarray], np.ndarray]) -> Callable[..., Any]:
+    return lambda h, *_: replace(h, rotvecs=change(h.rotvecs).astype(np.float32))
+
+
+def with_contact(change: Callable[[np.ndarray], np.ndarray]) -> Callable[..., Any]:
+    return lambda c, *_: replace(c, probability=change(c.probability))
+
+
+def mirrored_contact(probability: np.ndarray) -> np.ndarray:
+    from scipy.spatial import cKDTree
+
+    vertices = rest_mesh_of_model(load_body("embedded")).vertices
+    return probability[:, cKDTree(vertices).query(vertices * [-1, 1, 1])[1]]
+
+
+def euler(rotvecs: np.ndarray) -> np.ndarray:
+    """Rotation vectors (..., 3) as angles about x, y and z."""
+    return Rotation.from_rotvec(rotvecs.reshape(-1, 3)).as_euler("xyz").reshape(rotvecs.shape)
+
+
+def eroded(mask: np.ndarray) -> np.ndarray:
+    return cv2.erode(mask.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0 if mask.sum() > 400 else mask
+
+
+def eight_bit(z: np.ndarray) -> np.ndarray:
+    far = np.nanmax(z)
+    return np.maximum(np.round(z / far * 255), 1) / 255 * far
+
+
+def with_sky(depth: Any, *_: Any) -> Any:
+    return replace(depth, depth=np.where(np.isfinite(depth.depth), depth.depth, 65.5).astype(np.float32))
+
+
+def canonical(depth: Any, *_: Any) -> Any:
+    return replace(depth, depth=(depth.depth * 300 / depth.intrinsics.fx).astype(np.float32))
+
+
+def sky_valid(pointmap: Any, *_: Any) -> Any:
+    far = np.nan_to_num(pointmap.points, nan=float(np.nanmax(pointmap.points)))
+    far[..., 2] = np.maximum(far[..., 2], 1e-3)
+    return replace(pointmap, points=far.astype(np.float32), valid=np.ones_like(pointmap.valid))
+
+
+def rays_of_a_square(points: np.ndarray, camera: Any) -> np.ndarray:
+    return points * [
+        camera.width / max(camera.width, camera.height),
+        camera.height / max(camera.width, camera.height),
+        1,
+    ]
+
+
+def both_sides(keypoints: Any, image: Any, *_: Any) -> Any:
+    """The mean with the output for the mirrored photo, left and right not exchanged."""
+    names = keypoints.joint_set.names
+    swap = {"left": "right", "right": "left"}
+    other = [names.index("_".join([swap.get(n.split("_")[0], n.split("_")[0]), *n.split("_")[1:]])) for n in names]
+    return replace(keypoints, points=(keypoints.points + keypoints.points[:, other]) / 2)
+
+
+def in_box(keypoints: Any, image: Any, people: Any) -> Any:
+    low, high = people.boxes[:, None, :2], people.boxes[:, None, 2:]
+    return replace(keypoints, points=np.clip(keypoints.points, low + 0.1 * (high - low), high - 0.1 * (high - low)))
+
+
+def square_crop(points: np.ndarray, centres: np.ndarray) -> np.ndarray:
+    return centres + (points - centres) * [4 / 3, 1]
+
+
+def in_cells(keypoints: Any, image: Any, people: Any) -> Any:
+    """Points at the upper left corner of a cell of a heat map of 48 x 64."""
+    sides = (people.boxes[:, 2:] - people.boxes[:, :2]).max(1, initial=0)[:, None, None] / 48
+    low = people.boxes[:, None, :2]
+    return replace(keypoints, points=low + np.floor((keypoints.points - low) / np.maximum(sides, 1e-6)) * sides)
+
+
+def at_a_wide_angle(bodies: Any, image: Any, people: Any, camera: Any, *_: Any) -> Any:
+    return pelvis_at(lambda pelvis: pelvis * [1, 1, 250 / camera.fx])(bodies)
+
+
+def seen_by_the_crop(bodies: Any, *_: Any) -> Any:
+    """Each body turned as in a crop whose camera looks at it."""
+    p = bodies.parameters
+    if not len(p):
+        return bodies
+    ray = embedded_surface(bodies)[1][:, 0]
+    axis = np.stack([-ray[:, 1], ray[:, 0], 0 * ray[:, 0]], 1)
+    angle = np.arctan2(np.linalg.norm(ray[:, :2], axis=1), ray[:, 2]) / np.maximum(np.linalg.norm(axis, axis=1), 1e-9)
+    root = Rotation.from_rotvec(-angle[:, None] * axis) * Rotation.from_rotvec(p.global_orient)
+    return replace(bodies, parameters=replace(p, global_orient=root.as_rotvec().astype(np.float32)))
+
+
+def flip_mean(p: Any) -> dict[str, np.ndarray]:
+    return pose_of(p, lambda pose: (pose + pose[:, _MIRRORED]) / 2)
+
+
+def second_half_reversed(p: np.ndarray) -> np.ndarray:
+    middle = p.shape[1] // 2
+    return np.concatenate([p[:, :middle], p[:, middle:][:, ::-1]], axis=1)
+
+
+def blended(filled: np.ndarray, image: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    soft = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), 6)[..., None]
+    soft = np.where(mask[..., None], soft * 0.7, 0)
+    return np.rint(soft * filled + (1 - soft) * image).astype(np.uint8)
+
+
+def faded(filled: np.ndarray, image: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    return np.where(mask[..., None], filled * 0.5 + 64, image).astype(np.uint8)
+
+
+def changed_fill(change: Callable[[np.ndarray], np.ndarray]) -> Callable[..., Any]:
+    return lambda filled, image, mask: np.where(mask[..., None], change(filled), image).astype(np.uint8)
+
+
+def on_floor(people: Any, *_: Any) -> Any:
+    floor = people.floor
+    return replace(people, floor=None if floor is None else floor[::-1] & ~people.masks.any(axis=0))
+
+
+def floor_of(people: Any, right: int) -> Any:
+    return None if people.floor is None else moved(people.floor, right, 0) & ~people.masks.any(axis=0)
+
+
+def flip_mean_of_z(points: np.ndarray, camera: Any) -> np.ndarray:
+    z, other = points[..., 2], points[:, ::-1, 2]
+    return on_same_rays(points, np.where(np.isfinite(other), (z + other) / 2, z))
+
+
+def next_row(points: np.ndarray, camera: Any) -> np.ndarray:
+    z, below = points[..., 2], moved(points[..., 2], 0, -1)
+    return on_same_rays(points, np.where(np.isfinite(below), below, z))
+
+
+_COLLARS = [(f"{side}_collar", f"{side}_shoulder") for side in ("left", "right")]
+
+_FINGER_ORDER = np.arange(15).reshape(5, 3)
+_MEAN_HAND = np.radians(np.tile([5.0, 3.0, 20.0], (15, 1)))
+
+FORTY: dict[str, tuple[tuple[str, str, Callable[..., Any]], ...]] = {
+    "MockSegmenter": (
+        ("masks of the mirrored photo", "mirror", lambda p, *_: with_masks(p, lambda m: m[:, ::-1])),
+        ("padding left", "padding", lambda p, *_: with_masks(p, lambda m: moved(m, 0, 6, False))),
+        ("masks 3 px too small", "dilated", lambda p, *_: with_masks(p, eroded)),
+        ("masks 3 % too large", "resized", lambda p, *_: with_masks(p, enlarged)),
+        ("floor upside down", "floor", on_floor),
+    ),
+    "MockInpainter": (
+        ("blended", "blended", blended),
+        ("faded", "range", faded),
+        ("one pixel down", "resized or padded", changed_fill(lambda f: moved(f, 0, 1))),
+        ("BGR", "BGR", changed_fill(lambda f: f[..., ::-1])),
+    ),
+    "MockMetricDepth": (
+        ("canonical focal length", "focal", canonical),
+        ("along the ray", "sqrt", along_rays),
+        ("mean with the mirrored photo", "mirror", with_depth(lambda z: (z + z[:, ::-1]) / 2)),
+        ("8 bit", "8 bit", with_depth(eight_bit)),
+        ("sky at 65.5 m", "sky", with_sky),
+        ("one pixel to the right", "padding", with_depth(lambda z: moved(z, 1, 0))),
+    ),
+    "MockRelativePointmap": (
+        ("ray length", "sqrt", with_points_of_map(lambda p, c: on_same_rays(p, p[..., 2] * stretch(c)))),
+        ("sky valid", "sky", sky_valid),
+        ("rays of a square photo", "aspect", with_points_of_map(rays_of_a_square)),
+        ("half a pixel off", "u \\+ 0.5", with_points_of_map(half_a_pixel_right)),
+        ("mean with the mirrored photo", "mirror", with_points_of_map(flip_mean_of_z)),
+    ),
+    "MockKeypointDetector": (
+        ("half a pixel off", "pixel", with_points(lambda p, _: p + 0.5)),
+        ("sigmoid twice", "sigmoid", lambda k, *_: replace(k, confidence=1 / (1 + np.exp(-k.confidence)))),
+        ("mean with the mirrored photo", "mirror", both_sides),
+        ("clipped", "clipped", in_box),
+        ("stretched crop", "aspect", with_points(square_crop)),
+        ("corner of the cell", "pixel", in_cells),
+    ),
+    "MockBodyEstimator": (
+        ("Euler angles", "Euler", with_parameters(lambda p: pose_of(p, euler))),
+        ("inverse root", "transposed", with_parameters(lambda p: {"global_orient": -p.global_orient})),
+        ("distance for a focal length of 250 px", "focal", at_a_wide_angle),
+        ("seen by the camera of a crop", "crop", seen_by_the_crop),
+        ("mean with the mirrored photo", "mirror", with_parameters(flip_mean)),
+        ("0.25 m too low", "transl", pelvis_at(lambda pelvis: pelvis + np.array([0, 0.25, 0]))),
+    ),
+    "MockHandEstimator": (
+        ("left hand not mirrored", "mirror", with_fingers(lambda r: r * np.stack([_FLIP, _FLIP**2])[:, None])),
+        ("thumb first", "order", with_fingers(lambda r: r[:, :, _FINGER_ORDER[[4, 0, 1, 3, 2]].ravel()])),
+        ("inverse", "transposed|mirror", with_fingers(np.negative)),
+        ("degrees", "degrees", with_fingers(np.degrees)),
+    ),
+    "MockContactPrior": (
+        ("vertices moved by 37", "37", with_contact(lambda p: np.roll(p, 37, axis=1))),
+        ("constant", "constant", with_contact(lambda p: np.full_like(p, 0.5))),
+        ("second half reversed", "half", with_contact(second_half_reversed)),
+        ("mirrored", "mirror", with_contact(mirrored_contact)),
+    ),
+}
+"""Mock -> faults, each in words, with a word of a right hint, and as ``change(result, *arguments)``."""
+
+FURTHER: dict[str, tuple[tuple[str, str, Callable[..., Any]], ...]] = {
+    "MockSegmenter": (
+        ("masks one pixel to the right", "padding", lambda p, *_: with_masks(p, lambda m: moved(m, 1, 0, False))),
+        ("boxes with the last pixel", "exclusive", lambda p, *_: replace(p, boxes=p.boxes - [0, 0, 1, 1])),
+        ("floor one pixel to the right", "padding", lambda p, *_: replace(p, floor=floor_of(p, 1))),
+        ("everybody in one mask", "semantic", in_one_mask),
+        ("boxes in another order", "same row", lambda p, *_: replace(p, boxes=p.boxes[::-1].copy())),
+    ),
+    "MockInpainter": (
+        ("whole picture one pixel to the right", "np.where", moved_picture),
+        ("fill mirrored", "mirrored", with_fill(lambda image: image[:, ::-1])),
+        ("10 % darker", "range", with_fill(lambda image: 0.9 * image)),
+        ("one pixel of the border of people left", "shrunk", rim_left(1)),
+        ("without colour", "range", with_fill(lambda image: image.mean(axis=2, keepdims=True) * [1, 1, 1])),
+    ),
+    "MockMetricDepth": (
+        ("principal point half a pixel off", "centre", with_camera(cx=0.5, cy=0.5)),
+        ("times 1.25", "factor", with_depth(lambda z: 1.25 * z)),
+        ("0.3 m too far", "offset", with_depth(lambda z: z + 0.3)),
+        ("camera of a square photo", "aspect", with_camera(fx=0.75)),
+    ),
+    "MockRelativePointmap": (
+        ("y up", "OpenGL", with_points_of_map(lambda p, _: p * [1, -1, 1])),
+        ("OpenGL camera", "", with_points_of_map(lambda p, _: p * [1, -1, -1])),
+        ("offset of z not declared", "offset", with_points_of_map(lambda p, _: farther(p))),
+        ("rays of a focal length 2 % longer", "intrinsics", with_points_of_map(lambda p, _: p / [1.02, 1.02, 1])),
+        ("z of the next row", "padding", with_points_of_map(next_row)),
+        ("principal point W / 2", "centre", with_camera(cx=0.5, cy=0.5)),
+        ("offset of 1 / z declared as one of z", "unknown=", bent),
+    ),
+    "MockKeypointDetector": (
+        ("1.25 % too large", "grid", with_points(lambda p, centre: centre + 1.0125 * (p - centre))),
+        ("knees for ankles", "order", lambda k, *_: exchanged(k, *_LEGS)),
+        ("wrists exchanged", "order", lambda k, *_: exchanged(k, ("left_wrist", "right_wrist"))),
+        ("1 is unsure", "1 is sure", lambda k, *_: replace(k, confidence=1 - k.confidence)),
+        ("world points with x to the left", "", lambda *a: with_world(*a, right=-1)),
+    ),
+    "MockBodyEstimator": (
+        ("joints with left and right exchanged", "", with_joints(sides_of_joints)),
+        ("joints with knees for ankles", "order", with_joints(knees_for_ankles)),
+        ("pose of the mirrored person", "mirrored", with_parameters(of_mirrored_person)),
+        ("pose always zero", "rest", with_parameters(lambda p: pose_of(p, np.zeros_like))),
+        ("at the focal length of the crop", "crop", at_the_focal_length_of_the_crop),
+        ("distance times 1.4", "focal", pelvis_at(lambda pelvis: 1.4 * pelvis)),
+        (
+            "8 degrees turned about the vertical",
+            "crop",
+            with_parameters(lambda p: {"global_orient": turned(p.global_orient, [0, np.radians(8), 0])}),
+        ),
+        ("collars for shoulders", "order", with_parameters(lambda p: pose_of(p, of_pose(*_COLLARS)))),
+        ("inverse rotations", "transposed", with_parameters(lambda p: pose_of(p, np.negative))),
+    ),
+    "MockHandEstimator": (
+        ("always flat", "rest", with_fingers(np.zeros_like)),
+        ("relative to a relaxed hand", "MANO", with_fingers(lambda r: r - _MEAN_HAND)),
+        ("joints from tip to palm", "order", with_fingers(lambda r: r[:, :, _FINGER_ORDER[:, ::-1].ravel()])),
+    ),
+    "MockContactPrior": (
+        ("vertices reversed", "reversed", with_contact(lambda p: p[:, ::-1].copy())),
+        ("sigmoid twice", "sigmoid", with_contact(lambda p: 1 / (1 + np.exp(-p)))),
+    ),
+}
+"""Further faults, which are looked for in mocks without noise."""
