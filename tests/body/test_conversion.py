@@ -96,7 +96,7 @@ def test_bare_joints_make_bodies(own: Bodies, embedded: BodyModel) -> None:
     """Rotations that mean nothing are not looked at."""
     vertices, joints = posed(embedded, own.parameters)
     wild = replace(own.parameters, body_pose=own.parameters.body_pose + 1, betas=np.zeros((4, 45), np.float32))
-    again = posed(embedded, convert_with_residuals(Bodies(wild, "mhr", None, joints), embedded).bodies.parameters)[0]
+    again = posed(embedded, convert_with_residuals(Bodies(wild, "other", None, joints), embedded).bodies.parameters)[0]
     assert mm(again, vertices) < 9
 
 
