@@ -1,10 +1,13 @@
-"""Check the shapes and types of a metric's inputs before they broadcast to a wrong result."""
+"""One-to-one matching of predicted people to true people.
+
+The Hungarian method maximises the number of allowed matches, then minimises their total cost.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -18,25 +21,6 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
 
     Indices = NDArray[np.int64]
-
-
-def require_same_shape(what: str, predicted: NDArray[Any], truth: NDArray[Any]) -> None:
-    """Raise PhysicError if two arrays differ in shape; ``what`` is their plural name for the message."""
-    if predicted.shape != truth.shape:
-        raise PhysicError(
-            f"Predicted and true {what} must have the same shape, got {predicted.shape} and {truth.shape}: "
-            "match the people first, and bring both to one joint set or mesh."
-        )
-
-
-def require_bool_dtype(what: str, values: NDArray[Any]) -> BoolArray:
-    """Return the array, or raise PhysicError if it is not bool.
-
-    A probability converted to bool would count every value above zero.
-    """
-    if values.dtype != np.bool_:
-        raise PhysicError(f"The {what} must be bool, got {values.dtype}: threshold it first, as in probability >= 0.5.")
-    return values
 
 
 @dataclass(frozen=True)
