@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from physic_core import engine_preset
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.joint.context import subsample_vertices
 from physic_core.engine.joint.energy import JointEnergy
+from physic_core.engine.joint.precompute import subsample_vertices
 from physic_core.engine.joint.snapshot import OcclusionTracker, sample_mask_neighbours
 from physic_core.engine.joint.terms.surface import SurfaceTerms
 from physic_core.engine.limbs import keypoints_of_observed_limbs, observed_parts

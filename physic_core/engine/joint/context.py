@@ -3,23 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
-from physic_core.body.joints import joint_pair
-from physic_core.body.model import BodyModel, BodyOutput, LandmarkModel
-from physic_core.engine.joint.problem import JointProblem, OtherView
-from physic_core.engine.limbs import observed_parts
-from physic_core.geometry.camera import project
-from physic_core.geometry.mesh import cluster_points, faces_around_vertices, vertex_areas
+from physic_core.body.model import BodyOutput, LandmarkModel
+from physic_core.engine.joint.problem import JointProblem
 from physic_core.geometry.plane import height_over_plane
-from physic_core.geometry.visibility import front_depth, inside_image
 from physic_core.types.bounds import Degrees, NotNegative
-
-if TYPE_CHECKING:
-    from physic_core.engine.joint.method import JointMethod
 
 STATIC_CONTACT_PARTS = ("left_foot", "right_foot", "left_hand", "right_hand", "thighs", "gluteus", "back")
 """Parts of the body that usually touch the scene, after PROX."""
@@ -125,112 +116,9 @@ def with_static_contacts(problem: JointProblem) -> JointProblem:
     return replace(problem, contact_probability=probability)
 
 
-_ANKLES = joint_pair("ankle")
-_STEPS_PER_M = float(1 << 20)  # to which positions are rounded
-_CONTACT_PROBABILITY = 0.5  # at least, of a contact vertex
-
-
-@torch.no_grad()
-def precompute(problem: JointProblem, method: JointMethod) -> JointContext:
-    """Compute the constants of one joint optimisation of a problem with finite people only."""
-    person_weights = method.weigh_people(problem)
-    problem, model = method.prepare(problem), problem.model
-    start = model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0)
-    observed = problem.observed_anywhere
-    height, width = problem.masks.shape[-2:]
-    probability = torch.nan_to_num(problem.contact_probability)
-    is_contact = probability >= _CONTACT_PROBABILITY
-    area = vertex_areas(start.vertices, model.faces)
-    ids, area = subsample_vertices(model, is_contact.any(0), method.visibility.vertex_spacing_m, area)
-    depth = problem.human_depth
-    faces, around = faces_around_vertices(model.faces, model.faces_of_vertices[ids])
-    context = JointContext(
-        problem=problem,
-        person_weights=person_weights,
-        visibility=method.visibility,
-        search_radius_m=method.search_radius_m,
-        ids=ids,
-        faces=faces,
-        faces_of_vertices=around,
-        pose=model.landmarks_only([problem.skeleton], ids),
-        area=method.weigh_vertices(area),
-        contact_probability=probability[:, ids],
-        is_contact=is_contact[:, ids],
-        on_visible_part=observed_parts(model.part_names, observed)[:, model.part_of_vertex[ids]],
-        soles=_sole_rows(model, ids),
-        keypoints=method.weigh_keypoints(problem),
-        person_px=_person_px(problem, start.joints[:, 0]),
-        start=start,
-        relative=root_relative(start.vertices[:, ids], start.joints[:, 0], problem.rotations0[:, 0]),
-        feet_visible=observed[:, _ANKLES] & inside_image(project(start.joints[:, _ANKLES], problem.K), height, width),
-        log_depth=None if depth is None else torch.where(depth > 0, depth, torch.nan).log(),
-        fronts=None if problem.scene_depth is None else front_depth(problem.scene_depth),
-    )
-    return replace(context, views=tuple(_context_of_view(context, view, method) for view in problem.views))
-
-
-def _context_of_view(context: JointContext, view: OtherView, method: JointMethod) -> JointContext:
-    """Return the constants with the camera and the detections of another view."""
-    problem = context.problem.seen_by(view)
-    return replace(
-        context,
-        problem=problem,
-        keypoints=method.weigh_keypoints(problem),
-        person_px=_person_px(problem, view.to_camera(context.start.joints[:, 0])),
-        log_depth=None,
-        fronts=None,
-    )
-
-
-def _person_px(problem: JointProblem, pelvis: Tensor) -> Tensor:
-    """Return the stature (B,) in px of people whose pelvis (B, 3) is at a position in the camera frame."""
-    return problem.K[1, 1] * problem.model.stature(problem.betas0) / pelvis[:, 2].clamp(min=0.1)
-
-
-def subsample_vertices(model: BodyModel, keep: Tensor, spacing: float, area: Tensor) -> tuple[Tensor, Tensor]:
-    """Subsample vertices: select one per grid cell and body part in the T-pose, with the summed area of its group.
-
-    Args:
-        keep: (V,) bool, vertices that are always selected.
-        spacing: side of a cell, metres; 0 keeps all outer vertices.
-        area: (B, V) of all vertices.
-
-    Returns:
-        ids: (n,) int64, ascending; soles and ``keep`` are always among them, cavities never.
-        area: (B, n).
-    """
-    keep = keep.clone()
-    for name in ("left_sole", "right_sole"):
-        if name in model.contact_sets:
-            keep[model.contact_sets[name]] = True
-    keep &= model.outer
-    if spacing <= 0:
-        ids = model.outer.nonzero(as_tuple=True)[0]
-        return ids, area[:, ids]
-    rest = (model.outer & ~keep).nonzero(as_tuple=True)[0]
-    # Vertices of the midline lie on the border of two cells. Rounding puts them into the same cell on every CPU.
-    exact = model.double
-    at = torch.round(exact(*exact.zero_pose(1)).vertices[0, rest] * _STEPS_PER_M) / _STEPS_PER_M
-    group, chosen = cluster_points(at, model.part_of_vertex[rest], spacing)
-    summed = area.new_zeros(len(area), len(chosen)).index_add(1, group, area[:, rest])
-    kept = keep.nonzero(as_tuple=True)[0]
-    ids = torch.cat([kept, rest[chosen]])
-    order = ids.argsort()
-    return ids[order], torch.cat([area[:, kept], summed], 1)[:, order]
-
-
 def root_relative(vertices: Tensor, pelvis: Tensor, root: Tensor) -> Tensor:
     """Return vertices (B, V, 3) in the frame of the root joint: ``R^T (v - pelvis)``.
 
     ``pelvis`` is (B, 3), ``root`` the rotation (B, 3, 3).
     """
     return (vertices - pelvis[:, None]) @ root
-
-
-def _sole_rows(model: BodyModel, ids: Tensor) -> tuple[Tensor, Tensor]:
-    """Return the rows of ``ids`` that are on the left and on the right sole."""
-    row = torch.full((model.num_vertices,), -1, dtype=torch.int64, device=ids.device)
-    row[ids] = torch.arange(len(ids), device=ids.device)
-    none = ids.new_zeros(0)
-    left, right = (row[model.contact_sets.get(f"{side}_sole", none)] for side in ("left", "right"))
-    return left[left >= 0], right[right >= 0]

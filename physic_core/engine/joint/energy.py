@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.context import precompute
 from physic_core.engine.joint.method import JointMethod
+from physic_core.engine.joint.precompute import precompute
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.snapshot import MAX_MOTION_M, OcclusionTracker, Visibility, update_contacts
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
