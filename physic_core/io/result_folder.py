@@ -34,7 +34,6 @@ from physic_core.files.atomic import (
 )
 from physic_core.files.text import parse_json, write_csv
 from physic_core.types.person_rows import PERSON_COLUMNS, person_rows
-from physic_core.visual.report import PAGE_MARK, report_html
 
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction, UInt8Array
@@ -283,6 +282,8 @@ def save_report(reconstruction: Reconstruction, path: str | os.PathLike[str], ti
         OutputError: the file cannot be written, or is not a page of PhySIC.
         PackageMissingError: no installed plugin makes pages.
     """
+    from physic_core.visual.report import PAGE_MARK, report_html
+
     check_own(Path(path), mark=PAGE_MARK)  # before a page that takes long is made
     return write_own(Path(path), report_html(reconstruction, title).encode(), PAGE_MARK)
 
@@ -302,6 +303,8 @@ def add_report(folder: str | os.PathLike[str], reconstruction: Reconstruction | 
         OutputError: the page cannot be written, or a ``report.html`` there is not a page of PhySIC.
         PackageMissingError: no installed plugin makes pages.
     """
+    from physic_core.visual.report import PAGE_MARK, report_html
+
     folder = Path(folder)
     title = title or folder.resolve().name
     if not is_result(folder):

@@ -53,7 +53,7 @@ def test_confidence_counts_by_its_power(standing):
 
 
 def test_the_union_of_masks_makes_hidden_people_visible(behind):
-    own, union = (JointEnergy(behind.problem, joint).visibility for joint in (PAPER, RELEASE))
+    own, union = (JointEnergy(behind.problem, joint).snapshot.visibility for joint in (PAPER, RELEASE))
     assert union.in_mask[1].float().mean() > own.in_mask[1].float().mean() + 0.1
 
 
