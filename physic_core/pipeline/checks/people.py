@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Intrinsics, Skeleton
 
 _KNEES, _ANKLES, _SHOULDERS = joint_pair("knee"), joint_pair("ankle"), joint_pair("shoulder")
-_NO_BODY = "there is no body, or no part of it to measure"
+_NO_BODY = "no body was estimated, or none of it can be measured"
 _ASSUMED_SUPPORT = "a support not visible in the scene is assumed to carry this person"
 _NO_JOINTS = "the body estimator does not report which joints are visible"
 

@@ -106,8 +106,8 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
             empty_mask = np.zeros(image.shape[:2], bool)
             surfaces = self._surfaces(image, empty_mask)
             floor = _with_labelled_floor(empty_mask, surfaces, empty_mask) if options.floor else None
-            nobody = self._people([], np.zeros((0, *empty_mask.shape), bool), floor, surfaces, image)
-            return replace(nobody, notes=_left_out_note(left_out))
+            empty = self._people([], np.zeros((0, *empty_mask.shape), bool), floor, surfaces, image)
+            return replace(empty, notes=_left_out_note(left_out))
         embedding = embed_image(networks["mobilesam_encoder"], image)
         masks = self._masks(embedding, [person.pose for person in found])
         if prompt is not None:
