@@ -13,15 +13,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-import physic_core.io.result_folder as report_file
 import physic_core.visual.glb as glb
 import physic_core.visual.preview as preview
+import physic_core.visual.report as report_page
 from fuzzing.interrupted import Steps
 from fuzzing.tiny_result import tiny_result
 from physic_core.batch.journal import Journal, read_journals
 from physic_core.errors import InputError, OutputError
 from physic_core.files.atomic import atomic_write
 from physic_core.files.plain import write_value
+from physic_core.io.result_folder import add_report, save_report
 from physic_core.io.results import load_reconstruction, save_reconstruction
 from physic_core.types import Reconstruction
 from physic_scene import output
@@ -42,8 +43,8 @@ def quick_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(glb, "combined_glb", lambda result: f"mesh of {mark(result)}".encode())
     monkeypatch.setattr(preview, "preview_png", lambda result: f"picture of {mark(result)}".encode())
     monkeypatch.setattr(output, "photos_png", lambda scene: f"photos of {mark(scene.reconstruction)}".encode())
-    page = f"<meta {report_file.PAGE_MARK}> page of "
-    monkeypatch.setattr(report_file, "report_html", lambda result, title: page + mark(result))
+    page = f"<meta {report_page.PAGE_MARK}> page of "
+    monkeypatch.setattr(report_page, "report_html", lambda result, title: page + mark(result))
 
 
 def save(folder: Path, result: Reconstruction) -> None:
@@ -68,11 +69,11 @@ def save_moment(folder: Path, result: Reconstruction) -> None:
 def add_page(folder: Path, result: Reconstruction) -> None:
     if not (folder / "reconstruction.json").exists():
         save_reconstruction(OLD, folder)
-    report_file.add_report(folder, result)
+    add_report(folder, result)
 
 
 def write_page(folder: Path, result: Reconstruction) -> None:
-    report_file.save_report(result, folder / "a.html")
+    save_report(result, folder / "a.html")
 
 
 def write_cache(folder: Path, result: Reconstruction) -> None:
@@ -170,7 +171,7 @@ def test_a_page_that_is_interrupted_at_any_step_costs_no_result(before: Any, how
         assert {name: found[name] for name in ("preview.png", "combined.glb")} == {
             name: (tmp_path / "old" / name).read_bytes() for name in ("preview.png", "combined.glb")
         }
-    new = f"<meta {report_file.PAGE_MARK}> page of {mark(NEW)}".encode()
+    new = f"<meta {report_page.PAGE_MARK}> page of {mark(NEW)}".encode()
     assert pages == ({old} if how == "full" else {old, new})
 
 

@@ -95,7 +95,7 @@ def test_a_run_that_is_interrupted_while_its_page_is_made_leaves_the_result(pipe
     def interrupted(result: Reconstruction, title: str) -> str:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("physic_core.io.result_folder.report_html", interrupted)
+    monkeypatch.setattr("physic_core.visual.report.report_html", interrupted)
     assert physic(*run("--report")).exit_code == 130
     assert names() == ["people.csv", *ARRAYS]
     Reconstruction.load("photo-physic")
