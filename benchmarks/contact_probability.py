@@ -38,7 +38,7 @@ from physic_core.body.model import BodyModel
 from physic_core.configuration.resolve import resolve
 from physic_core.engine.contact.features import KINDS, feature_columns, measure_distances
 from physic_core.engine.contact.partner import VertexContacts, body_contacts
-from physic_core.engine.contact.parts import near_scene, nearness, scene_contact, scene_parts_of_body
+from physic_core.engine.contact.parts import contact_parts, near_scene, nearness, scene_contact
 from physic_core.engine.contact.probability import contact_model
 from physic_core.engine.contact.problem import ContactInput, ContactResult
 from physic_core.engine.contact.regions import contact_regions
@@ -133,7 +133,7 @@ def samples_of(
     for row, true in arrays["pairs"]:
         touched = dict(zip(KINDS, true_contact(world, int(true)), strict=True))
         parts = torch.zeros_like(given.model.outer)
-        for chosen in scene_parts_of_body(given.model).values():
+        for chosen in contact_parts(given.model).values():
             parts |= chosen & bool(touched[SCENE][chosen.numpy()].sum() >= LEAST_VERTICES)
         table = torch.stack([x.float() for x in (at.rise[row], at.facing[row], limbs[row], likely[row], parts)], 1)
         arrays[f"{SCENE} {row}"] = table.numpy()[outer].astype(np.float32)

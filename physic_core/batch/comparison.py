@@ -93,19 +93,19 @@ class Comparison:
 
 
 @dataclass(frozen=True)
-class PairedResults:
-    """Results of the same photos in two folders A and B.
+class PairedFolders:
+    """Folders of the results in two folders A and B, paired by photo.
 
     Attributes:
-        both: folders of the results of each photo.
-        only: folders of the results of photos that the other one lacks.
+        both: (result in A, result in B) of each photo that both folders hold.
+        only: (results only in A, results only in B).
     """
 
     both: tuple[tuple[Path, Path], ...]
     only: tuple[tuple[Path, ...], tuple[Path, ...]]
 
 
-def pair_results(a: Path, b: Path) -> PairedResults:
+def pair_results(a: Path, b: Path) -> PairedFolders:
     """Find the results of the same photos, by the digests of the photos. Two results of one photo each are one pair.
 
     Args:
@@ -116,11 +116,11 @@ def pair_results(a: Path, b: Path) -> PairedResults:
         InputError: a folder has no result.
     """
     if is_result(a) and is_result(b):
-        return PairedResults(((a, b),), ((), ()))
+        return PairedFolders(((a, b),), ((), ()))
     found = _by_photo(a), _by_photo(b)
     both = tuple((folder, found[1][key]) for key, folder in found[0].items() if key in found[1])
     only = [tuple(folder for key, folder in one.items() if key not in other) for one, other in (found, found[::-1])]
-    return PairedResults(both, (only[0], only[1]))
+    return PairedFolders(both, (only[0], only[1]))
 
 
 def compare_results(photo: str, a: Reconstruction, b: Reconstruction) -> Comparison:

@@ -14,7 +14,7 @@ import torch
 from physic_core.engine.contact.method import ContactMethod
 from physic_core.engine.joint.context import JointContext, WeightedKeypoints, with_static_contacts
 from physic_core.engine.joint.method import JointMethod
-from physic_core.engine.joint.optimiser import LbfgsSettings, OptimiserSettings
+from physic_core.engine.joint.optimiser import LbfgsOptimiser, Optimiser
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Term
@@ -66,7 +66,7 @@ class DefaultOptimisation(JointMethod):
     counts as an outlier. A weight of 0 removes a term.
     """
 
-    optimiser: LbfgsSettings = field(default_factory=LbfgsSettings)
+    optimiser: LbfgsOptimiser = field(default_factory=LbfgsOptimiser)
     """L-BFGS on whitened parameters."""
     reprojection: ReprojectionSettings = field(default_factory=ReprojectionSettings)
     """Keypoints."""
@@ -146,7 +146,7 @@ class DefaultOptimisation(JointMethod):
             ViewsTerm(keypoints, context),
         ]
 
-    def late_terms(self, context: JointContext) -> tuple[Sequence[Term], OptimiserSettings]:
+    def late_terms(self, context: JointContext) -> tuple[Sequence[Term], Optimiser]:
         """Return the people term. If used from the start, it would keep people apart on the wrong side of each
         other."""
         late = replace(self.optimiser, tolerance=min(self.optimiser.tolerance, _LATE_TOLERANCE))

@@ -142,7 +142,7 @@ def check_camera(camera: Intrinsics | None, height: int, width: int) -> Iterator
         yield f"intrinsics must be for {width} x {height} px, got {camera.width} x {camera.height}"
     yield from check_type(camera.source, str, "intrinsics.source")
     if camera.focal_sigma is not None:
-        yield from check_sigma("intrinsics.focal_sigma", camera.focal_sigma)
+        yield from check_log_sigma("intrinsics.focal_sigma", camera.focal_sigma)
 
 
 def _check_camera_limits(camera: Intrinsics, side: int) -> Iterator[str]:
@@ -154,7 +154,7 @@ def _check_camera_limits(camera: Intrinsics, side: int) -> Iterator[str]:
         yield f"cx and cy must lie within {limit} for this image, got {camera.cx:g}, {camera.cy:g}"
 
 
-def check_sigma(name: str, sigma: Any) -> Iterator[str]:
+def check_log_sigma(name: str, sigma: Any) -> Iterator[str]:
     """Check that a standard deviation of a logarithm is a number from 0 to the limit."""
     if not (isinstance(sigma, Real) and 0 <= float(sigma) <= SIGMA):
         yield f"{name} must be a number from 0 to {SIGMA:g} or None, got {sigma!r}"

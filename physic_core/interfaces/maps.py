@@ -15,9 +15,9 @@ from physic_core.interfaces.checks import (
     check_array,
     check_camera,
     check_finite,
+    check_log_sigma,
     check_median,
     check_notes,
-    check_sigma,
     is_finite,
 )
 from physic_core.types import AffineAmbiguity, DepthMap, Hints, Pointmap
@@ -76,7 +76,7 @@ class MetricDepth(Backend):
             else:
                 yield from check_median("depth", known, DEPTH_M, "m")
         if result.scale_sigma is not None:
-            yield from check_sigma("scale_sigma", result.scale_sigma)
+            yield from check_log_sigma("scale_sigma", result.scale_sigma)
         yield from check_camera(result.intrinsics, height, width)
         yield from check_notes(result.notes)
 

@@ -193,7 +193,7 @@ def test_invalid_shards_are_an_error(text: str):
 
 
 @pytest.mark.parametrize("cells", [{"stature": "9"}, {"age": "500"}, {"camera": "0.5"}])
-def test_the_cells_of_a_photo_are_checked_as_settings(cells: dict[str, str]):
+def test_the_cells_of_a_row_are_checked_like_settings(cells: dict[str, str]):
     settings = photo_of_row({"path": "a.jpg", **cells}).settings
     with pytest.raises(ConfigError, match="settings of this photo"):
         load_config(preset="mock").with_photo(settings)

@@ -71,7 +71,7 @@ def test_kabsch_finds_the_rotation_and_never_a_reflection(rotvec: np.ndarray, se
 
 
 @given(VECTOR, VECTOR.filter(lambda v: True))
-def test_aligned_is_along_and_beside(along: np.ndarray, beside: np.ndarray) -> None:
+def test_the_frame_has_x_along_the_first_axis_and_y_towards_the_second(along: np.ndarray, beside: np.ndarray) -> None:
     if np.linalg.norm(cross(unit(along), unit(beside))) < 1e-3:
         return
     frame = frame_from_axes(along, beside)

@@ -68,7 +68,9 @@ def test_overwrite_takes_the_first_folder_with_a_result():
 
 
 @pytest.mark.parametrize("overwrite", [(), ("--overwrite",)])
-def test_a_photo_in_the_folder_under_a_name_of_ours_is_refused_at_once(asked: list[Path], overwrite: tuple[str, ...]):
+def test_a_photo_named_like_a_result_file_in_its_folder_is_refused_at_once(
+    asked: list[Path], overwrite: tuple[str, ...]
+):
     photo("out/preview.png")
     photo("out/combined.glb")
     Path("link.png").symlink_to("out/preview.png")

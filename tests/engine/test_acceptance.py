@@ -7,12 +7,12 @@ from dataclasses import replace
 import pytest
 import torch
 
-from physic_core.engine.joint.optimiser import LbfgsSettings, keep_lowest_energy, revert_if_worse
+from physic_core.engine.joint.optimiser import LbfgsOptimiser, keep_lowest_energy, revert_if_worse
 from physic_core.engine.joint.state import State
-from physic_paper.adam import AdamSettings
+from physic_paper.adam import AdamOptimiser
 
-LBFGS = LbfgsSettings(steps=40, refresh_steps=20, tolerance=0.0)
-ADAM = AdamSettings(learning_rate=0.5, steps=200, refresh_steps=50)
+LBFGS = LbfgsOptimiser(steps=40, refresh_steps=20, tolerance=0.0)
+ADAM = AdamOptimiser(learning_rate=0.5, steps=200, refresh_steps=50)
 STARTS = torch.tensor([[0.0, 0.0, 2.0], [1.0, 0.0, 3.0]]).double()
 GOALS = torch.tensor([[0.3, -0.2, 2.5], [0.8, 0.1, 3.4]]).double()
 

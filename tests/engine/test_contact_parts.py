@@ -11,7 +11,7 @@ import torch
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.contact.features import measure_distances
 from physic_core.engine.contact.method import ContactMethod
-from physic_core.engine.contact.parts import scene_contact, scene_parts_of_body
+from physic_core.engine.contact.parts import contact_parts, scene_contact
 from physic_core.engine.contact.solve import solve_contact
 from physic_core.engine.stance import Stance
 from physic_core.engine.touch import LEAST_PROBABILITY
@@ -45,7 +45,7 @@ def over(surfaces, height: float):
 
 
 def test_each_outer_vertex_belongs_to_one_part(body):
-    parts = scene_parts_of_body(body)
+    parts = contact_parts(body)
     assert {"left_foot", "right_hand", "seat", "back", "torso", "left_lower_arm"} <= set(parts)
     assert torch.equal(torch.stack(list(parts.values())).sum(0), body.outer.long())
 
@@ -58,13 +58,13 @@ def test_parts_touch_less_the_farther_the_scene_is(person):
 
 def test_a_vertex_touches_at_most_as_its_part_and_more_the_nearer_it_is(person):
     vertices, parts = touch(person)
-    foot = scene_parts_of_body(person.model)["left_foot"]
+    foot = contact_parts(person.model)["left_foot"]
     height = person.vertices[0, foot, 1] + person.plane[1]
     sole = height < 0.01
     assert vertices[foot].max() <= parts["left_foot"]
     assert vertices[foot][sole].max() > 0.9 * parts["left_foot"]
     assert vertices[foot][sole].mean() > vertices[foot][(height > 0.04) & (height < 0.06)].mean() + 0.2
-    assert vertices[scene_parts_of_body(person.model)["left_hand"]].max() <= parts["left_hand"]
+    assert vertices[contact_parts(person.model)["left_hand"]].max() <= parts["left_hand"]
     assert vertices[~person.model.outer].max() == 0
 
 
@@ -98,7 +98,7 @@ def test_a_result_has_the_probability_of_each_part_listed_or_not(body, make_stag
         joints=stage.joints,
     )
     found = solve_contact(sits, METHOD)
-    assert set(found.parts) == set(scene_parts_of_body(body))
+    assert set(found.parts) == set(contact_parts(body))
     assert {one.partner for one in found.contacts[0]} == {ContactPartner("hidden", "seat")}
     assert LEAST_PROBABILITY <= float(found.parts["seat"]) < 1
     assert all(float(found.parts[f"{side}_hand"]) < LEAST_PROBABILITY for side in SIDES)
@@ -108,7 +108,7 @@ def cut_at_the_knees(given):
     """The same person, of whom a picture shows nothing below the hips but hands."""
     observed = given.observed.clone()
     observed[:, [JOINT_INDEX[f"{side}_{joint}"] for side in SIDES for joint in ("knee", "ankle", "foot")]] = False
-    legs = given.part("leg", "foot") | scene_parts_of_body(given.model)["seat"]
+    legs = given.part("leg", "foot") | contact_parts(given.model)["seat"]
     return replace(given, observed=observed, in_mask=~legs[None])
 
 
@@ -134,7 +134,7 @@ def test_contacts_of_limbs_that_no_pixel_shows_are_listed_as_assumed(person):
     assert len(feet) == 2
     assert all(one.assumed for one in feet)
     assert [one.probability for one in feet] == pytest.approx([float(cut.parts["left_foot"][0])] * 2, abs=1e-4)
-    vertices = cut.probability[0, scene_parts_of_body(person.model)["left_foot"]]
+    vertices = cut.probability[0, contact_parts(person.model)["left_foot"]]
     assert vertices.max() <= cut.parts["left_foot"][0] + 0.02
 
 

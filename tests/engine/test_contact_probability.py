@@ -79,7 +79,7 @@ def test_skin_is_touched_only_where_it_is_likelier_than_the_scene(body, monkeypa
     likely = torch.full_like(near.surface.scene, scene), {}
     monkeypatch.setattr("physic_core.engine.contact.method.contact_model", lambda: model)
     monkeypatch.setattr("physic_core.engine.contact.method.scene_contact", lambda given, near: likely)
-    monkeypatch.setattr("physic_core.engine.contact.method.scene_parts_of_body", lambda body: {})
+    monkeypatch.setattr("physic_core.engine.contact.method.contact_parts", lambda body: {})
     assert settings.touch(given, near).kind[on_floor].unique().tolist() == [kind]
 
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 import pytest
 import torch
 
-from physic_core.engine.joint.optimiser import Gradient, LbfgsHistory, LbfgsSettings
+from physic_core.engine.joint.optimiser import Gradient, LbfgsHistory, LbfgsOptimiser
 from physic_core.engine.joint.state import State
-from physic_paper.adam import AdamSettings
+from physic_paper.adam import AdamOptimiser
 
-LBFGS = LbfgsSettings()
-ADAM = AdamSettings(learning_rate=0.1, steps=100, refresh_steps=30)
+LBFGS = LbfgsOptimiser()
+ADAM = AdamOptimiser(learning_rate=0.1, steps=100, refresh_steps=30)
 
 
 class Bowl:

@@ -86,7 +86,7 @@ def test_one_unit_is_the_expected_move():
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_each_parameter_group_deviates_in_its_own_columns(kind):
+def test_a_change_of_one_group_shows_in_its_columns_of_the_deviation(kind):
     state = kind(*start())
     for group in (g for g in PARAMETER_GROUPS if g != "scale"):
         with torch.no_grad():

@@ -44,7 +44,7 @@ def twin(vertices, faces, sources):
     return best
 
 
-def test_errors_on_a_strip_by_hand():
+def test_errors_on_a_strip_equal_those_computed_by_hand():
     graph = surface_graph(*strip(5))
     predicted, truth = marks(12, 0, 4, 10), marks(12, 4, 6)  # x = 0, 2, 5 against 2, 3 on one side
     error = geodesic_error(graph, predicted, truth)

@@ -48,7 +48,7 @@ def test_a_point_on_the_hidden_half_of_a_person_hits_their_box(people: People) -
     assert np.array_equal(chosen.masks, people.masks[:1])
 
 
-def test_a_point_on_the_common_edge_of_two_boxes_is_in_the_right_one(people: People) -> None:
+def test_a_point_on_the_common_edge_of_two_boxes_is_in_the_right_hand_box(people: People) -> None:
     boxes = np.array([[10, 10, 30, 50], [30, 10, 50, 50]], np.float32)
     unmasked = replace(people, masks=np.zeros_like(people.masks), boxes=boxes)
     assert [person_at_point(unmasked, (x, 20.0)) for x in (9.5, 29.25, 29.5, 49.5)] == [0, 0, 1, None]

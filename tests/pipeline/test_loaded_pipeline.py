@@ -128,7 +128,7 @@ def test_an_error_names_the_photo(photo: Path):
             assert str(error.value).startswith(f"{photo}: no person was found in the photo of 160 x 120 px by ")
 
 
-def test_settings_of_one_photo(world: World):
+def test_settings_of_one_photo_hold_for_that_photo_only(world: World):
     with Pipeline({"extends": "mock", "photo": {"intrinsics": [400.0, 400.0, 160.0, 120.0]}}) as pipeline:
         found = pipeline(world.image, settings={"focal_px": 300.0})
         assert (found.intrinsics.fx, found.config["photo"]["focal_px"]) == (300.0, 300.0)

@@ -69,7 +69,7 @@ def test_bodies_of_another_body_model(world: World) -> None:
         reconstruct(world.image, "mock", backends={"body_estimator": Smplx})
 
 
-def test_a_body_model_of_the_users_own_that_the_estimator_does_not_speak(world: World, monkeypatch) -> None:
+def test_bodies_are_converted_to_the_users_own_body_model(world: World, monkeypatch) -> None:
     """The way alone: a whole SMPL-X file is the business of the body's own tests."""
     load = body.load_body
     monkeypatch.setattr(body, "load_body", lambda source: replace(load("embedded"), name="smplx"))

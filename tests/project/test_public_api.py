@@ -35,7 +35,7 @@ def test_the_page_of_a_room_names_all_that_is_promised(room: str, repository: Pa
 
 
 @pytest.mark.parametrize("name", physic_core.__all__)
-def test_a_public_name_is_there(name: str):
+def test_a_public_name_can_be_imported_from_the_package(name: str):
     assert getattr(physic_core, name) is not None
     assert name in dir(physic_core)
 

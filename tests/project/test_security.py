@@ -24,7 +24,7 @@ TABLES = {
         "an upload to `physic serve`": "test_a_photo_that_breaks_the_process_costs_itself_alone",
         "a page of another site, while `physic serve` runs": "test_a_page_of_another_site_can_send_and_read_nothing",
         "`report.html`, made from names and results of others": "test_only_the_scripts_of_the_page_may_run",
-        "a table of photos for `physic batch`": "test_the_cells_of_a_photo_are_checked_as_settings",
+        "a table of photos for `physic batch`": "test_the_cells_of_a_row_are_checked_like_settings",
         "text of others in messages": "test_a_run_escapes_names_and_texts test_a_batch_escapes_names",
         "the current folder": "test_physic_imports_nothing_of_the_current_folder",
     },

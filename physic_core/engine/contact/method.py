@@ -11,7 +11,7 @@ from torch import Tensor
 
 from physic_core.engine.contact.distance import ContactSurfaces, distance_along_normal, nearby_surfaces
 from physic_core.engine.contact.features import KINDS, Distances, feature_columns
-from physic_core.engine.contact.parts import scene_contact, scene_parts_of_body
+from physic_core.engine.contact.parts import contact_parts, scene_contact
 from physic_core.engine.contact.probability import contact_model
 from physic_core.engine.touch import LEAST_PROBABILITY
 from physic_core.geometry.visibility import front_depth, in_free_space
@@ -85,7 +85,7 @@ class ContactMethod:
         probabilities = contact_model().probabilities(feature_columns(given, near))
         probabilities[0], parts = scene_contact(given, near)
         apart = torch.zeros_like(given.prior, dtype=torch.bool)
-        for name, chosen in scene_parts_of_body(given.model).items():
+        for name, chosen in contact_parts(given.model).items():
             apart |= (parts[name] < LEAST_PROBABILITY)[:, None] & chosen
         in_reach = torch.isfinite(near.by_kind)
         may_touch = given.model.outer & given.finite[:, None]

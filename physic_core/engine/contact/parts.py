@@ -38,8 +38,8 @@ _MOST_BEND = 1.7  # radians; people who bend more do not sit more probably
 _SHOWN_SHARE = 0.5  # of the vertices of a part that the photo shows
 
 
-def scene_parts_of_body(model: BodyModel) -> dict[str, Tensor]:
-    """Return the vertices (V,) bool of each part: the regions of contacts, with both thighs and the buttocks as one."""
+def contact_parts(model: BodyModel) -> dict[str, Tensor]:
+    """Return the vertices (V,) bool of each body part: the contact regions, with thighs and buttocks as one part."""
     regions = contact_regions(model)
     found: dict[str, Tensor] = {}
     for number, name in enumerate(regions.names):
@@ -78,7 +78,7 @@ def scene_contact(given: ContactInput, near: Distances) -> tuple[Tensor, dict[st
 def unseen_parts(given: ContactInput) -> dict[str, Tensor]:
     """Return part -> (N,) bool: no pixel shows the part, nor a confident keypoint at its end."""
     shown = given.seen if given.in_mask is None else given.seen | given.in_mask
-    parts = scene_parts_of_body(given.model)
+    parts = contact_parts(given.model)
     return {name: shown[:, chosen].double().mean(1) < _SHOWN_SHARE for name, chosen in parts.items()}
 
 
@@ -86,7 +86,7 @@ class NearScene(NamedTuple):
     """Where the vertices of N people are beside the scene.
 
     Attributes:
-        gap: (N, P) signed distance of each part of :func:`scene_parts_of_body`, metres; inf if nothing is near.
+        gap: (N, P) signed distance of each part of :func:`contact_parts`, metres; inf if nothing is near.
         rise: (N, V) how much farther the vertex is than its part, metres, at least 0; inf if it is far.
         facing: (N, V) cosine between the skin and the surface that it faces.
     """
@@ -137,7 +137,7 @@ def part_features(given: ContactInput, gap: Tensor) -> dict[str, dict[str, Tenso
     beside, hanging = (torch.tensor(values).to(joints) for values in (stance.depth_beside, stance.hanging))
     bend = hip_bends(joints).amin(1).clamp(max=_MOST_BEND).nan_to_num()
     found: dict[str, dict[str, Tensor]] = {}
-    for name, own in zip(scene_parts_of_body(given.model), gap.T, strict=True):
+    for name, own in zip(contact_parts(given.model), gap.T, strict=True):
         found[name] = {DISTANCE: torch.relu(own).clamp(max=SEARCH_RADIUS_M) / _SIGMA_M}
         side = SIDES.index(name.partition("_")[0]) if name.startswith(SIDES) else 0
         column = {"foot": side, "hand": 2 + side, SEAT: 4}.get(kind_of_part(name))
@@ -151,13 +151,13 @@ def part_features(given: ContactInput, gap: Tensor) -> dict[str, dict[str, Tenso
 
 def _gaps(model: BodyModel, distance: Tensor) -> Tensor:
     """Return the fifth smallest of the distances (N, V) of each part, (N, P)."""
-    parts = scene_parts_of_body(model).values()
+    parts = contact_parts(model).values()
     return torch.stack([distance[:, chosen].kthvalue(_GAP_VERTICES).values for chosen in parts], 1)
 
 
 def _groups(model: BodyModel) -> Tensor:
-    """Return the row (V,) int64 of the part of each vertex in :func:`scene_parts_of_body`; 0 for inner vertices."""
-    parts = torch.stack(list(scene_parts_of_body(model).values()))
+    """Return the row (V,) int64 of the part of each vertex in :func:`contact_parts`; 0 for inner vertices."""
+    parts = torch.stack(list(contact_parts(model).values()))
     return parts.int().argmax(0)
 
 

@@ -39,7 +39,7 @@ class ContactModel:
     nearness: Mapping[str, float]
 
     def probabilities(self, columns: Mapping[str, Columns]) -> Tensor:
-        """Return the probability (K, N, V) of each kind of contact, in the order of ``KINDS``; 0 without columns.
+        """Return the probability (K, N, V) of each of the ``KINDS`` of contact; 0 for a kind that ``columns`` lacks.
 
         Raises:
             KeyError: a column is missing.

@@ -11,7 +11,7 @@ from physic_core.engine.contact.dents import dent_depths, largest_dents
 from physic_core.engine.contact.features import KINDS, Distances, measure_distances
 from physic_core.engine.contact.method import ContactMethod, Touch
 from physic_core.engine.contact.partner import HIDDEN, HIDDEN_SEAT, VertexContacts, assign_partners, body_contacts
-from physic_core.engine.contact.parts import SEAT, part_of_region, scene_parts_of_body, unseen_parts
+from physic_core.engine.contact.parts import SEAT, contact_parts, part_of_region, unseen_parts
 from physic_core.engine.contact.probability import contact_model
 from physic_core.engine.contact.problem import ContactInput, ContactResult
 from physic_core.engine.contact.regions import contact_regions
@@ -70,7 +70,7 @@ def _with_hidden(given: ContactInput, touch: Touch, carried: tuple[PersonSupport
     """
     kind, probability = touch.kind.clone(), None if touch.probability is None else touch.probability.clone()
     likely = {name: values.clone() for name, values in touch.parts.items()}
-    vertices = scene_parts_of_body(given.model) if likely else {}
+    vertices = contact_parts(given.model) if likely else {}
     for i, one in enumerate(carried):
         if one is None:
             continue

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from physic_core.body.model import BodyOutput
 from physic_core.engine.joint.context import JointContext, VisibilitySettings, WeightedKeypoints, select_surface
-from physic_core.engine.joint.optimiser import OptimiserSettings
+from physic_core.engine.joint.optimiser import Optimiser
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.snapshot import MAX_MOTION_M, OcclusionTracker, Visibility, update_visibility
 from physic_core.engine.joint.state import State
@@ -33,7 +33,7 @@ class JointMethod(ABC):
 
     frozen: FrozenGroups = ()
     """Parameter groups kept constant: root, pose, hands, betas, translation, scale, offset."""
-    optimiser: OptimiserSettings = field(kw_only=True)
+    optimiser: Optimiser = field(kw_only=True)
     """Optimiser of the energy."""
     visibility: VisibilitySettings = field(default_factory=VisibilitySettings)
     """Visibility of vertices."""
@@ -99,7 +99,7 @@ class JointMethod(ABC):
     def terms(self, context: JointContext, state: State) -> Sequence[Term]:
         """Return the terms of the energy, in the order of summation."""
 
-    def late_terms(self, context: JointContext) -> tuple[Sequence[Term], OptimiserSettings]:
+    def late_terms(self, context: JointContext) -> tuple[Sequence[Term], Optimiser]:
         """Return terms added after the others have converged, and the optimiser of the energy with them.
 
         Minimisation is not repeated if all of them are 0 then. By default there are none.

@@ -200,8 +200,8 @@ def join_results(
 
 
 @dataclass(frozen=True)
-class OptimiserSettings(ABC):
-    """Settings of a minimiser that updates visibility after every block of steps."""
+class Optimiser(ABC):
+    """Minimiser that updates visibility after every block of steps, and its settings."""
 
     steps: Count
     """At most."""
@@ -248,8 +248,8 @@ class OptimiserSettings(ABC):
 
 
 @dataclass(frozen=True)
-class LbfgsSettings(OptimiserSettings):
-    """Settings of L-BFGS with a backtracking (Armijo) line search."""
+class LbfgsOptimiser(Optimiser):
+    """L-BFGS with a backtracking (Armijo) line search."""
 
     steps: Count = 80
     """At most; 40-100."""

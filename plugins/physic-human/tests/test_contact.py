@@ -27,7 +27,7 @@ def colours(crop: np.ndarray) -> np.ndarray:
     return 255 * (crop.transpose(1, 2, 0) * STD + MEAN)
 
 
-def test_channels_come_as_blue_green_red() -> None:
+def test_the_network_gets_the_channels_in_the_order_bgr() -> None:
     image = np.zeros((50, 50, 3), np.uint8)
     image[:] = [200, 100, 10]
     middle = colours(contact_crop(image, np.array([0.0, 0, 50, 50])))[128, 128]

@@ -187,7 +187,7 @@ def _image_kind(found: RecognisedWorld) -> str:
 
 
 def _visible_depth(found: RecognisedWorld, hints: Hints, options: MockOptions) -> FloatArray:
-    """Return the depth map of an image from which some people may be removed.
+    """Return the depth map of what the image shows; people may have been removed from it.
 
     With noise, the depth of a hole is interpolated from around: hidden furniture is not known.
     """

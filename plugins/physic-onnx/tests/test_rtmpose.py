@@ -60,7 +60,7 @@ def rtmpose(tmp_path: Path, graph: Any, node: Any) -> Any:
 
 @pytest.mark.parametrize("size", [(256, 192), (384, 288)])
 @pytest.mark.parametrize("split", [2, 3])
-def test_colours_are_found_where_they_are_and_in_their_order(rtmpose: Any, size: tuple[int, int], split: int) -> None:
+def test_each_joint_is_found_at_the_blob_of_its_colour(rtmpose: Any, size: tuple[int, int], split: int) -> None:
     found = rtmpose(size=size, split=split).infer(blobs(PLACES), people(BOX))
     assert violations(KeypointDetector, found, people=1) == []
     assert found.skeleton == "coco17"

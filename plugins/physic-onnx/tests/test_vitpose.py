@@ -80,7 +80,7 @@ def vitpose(tmp_path: Path, graph: Any, node: Any) -> Any:
 
 
 @pytest.mark.parametrize("kind", list(PORTS))
-def test_colours_are_found_where_they_are_and_in_their_order(vitpose: Any, kind: str) -> None:
+def test_each_joint_is_found_at_the_blob_of_its_colour(vitpose: Any, kind: str) -> None:
     found = vitpose(kind).infer(blobs(PLACES), people(BOX))
     assert violations(KeypointDetector, found, people=1) == []
     assert found.skeleton == "coco17"

@@ -17,7 +17,7 @@ from physic_core.engine.joint.optimiser import (
     BlockResult,
     Energy,
     MinimisationResult,
-    OptimiserSettings,
+    Optimiser,
     StepProgress,
     energy_per_person,
     join_results,
@@ -29,8 +29,8 @@ _RATE_CUTS = 2  # restarts with a tenth of the learning rate, for people whose e
 
 
 @dataclass(frozen=True)
-class AdamSettings(OptimiserSettings):
-    """Settings of Adam."""
+class AdamOptimiser(Optimiser):
+    """Adam with a fixed learning rate, which restarts lower it."""
 
     steps: Count = 100
     """All of them are taken."""
@@ -55,7 +55,7 @@ class AdamSettings(OptimiserSettings):
             if not energy.state.parameters() or bool(energy.state.people_changed(origin).all()):
                 break
             rate /= 10
-            again = super(AdamSettings, replace(self, learning_rate=rate)).minimise(energy, groups=groups)
+            again = super(AdamOptimiser, replace(self, learning_rate=rate)).minimise(energy, groups=groups)
             result = join_results(energy, origin, result, again)
         return result
 

@@ -58,7 +58,7 @@ from physic_core.engine.joint.terms.picture import ReprojectionTerm
 from physic_core.geometry.neighbors import NearestPointSearch
 from physic_core.geometry.robust import robust_loss
 from physic_core.types.bounds import NotNegative
-from physic_paper.adam import AdamSettings
+from physic_paper.adam import AdamOptimiser
 from physic_paper.grid_search import GridSearch
 from physic_paper.published import PublishedOptimisation
 from physic_paper.terms.chamfer import ChamferDepthTerm, ChamferSettings
@@ -97,7 +97,7 @@ class PaperVisibilitySettings(VisibilitySettings):
 class PaperOptimisation(PublishedOptimisation):
     """Settings of stage 3 as printed: raw parameters, Adam, nearest-point distances, equal vertex weights."""
 
-    optimiser: AdamSettings = field(default_factory=AdamSettings)
+    optimiser: AdamOptimiser = field(default_factory=AdamOptimiser)
     """Adam."""
     visibility: PaperVisibilitySettings = field(default_factory=PaperVisibilitySettings)
     """Visibility of vertices."""

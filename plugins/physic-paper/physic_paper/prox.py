@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 from physic_core.engine.joint.context import JointContext, WeightedKeypoints, with_static_contacts
-from physic_core.engine.joint.optimiser import LbfgsSettings, OptimiserSettings
+from physic_core.engine.joint.optimiser import LbfgsOptimiser, Optimiser
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Term
@@ -72,7 +72,7 @@ class ProxOptimisation(PublishedOptimisation):
 
     frozen: FrozenGroups = ("scale", "offset")
     """Parameter groups that are kept constant: root, pose, hands, betas, translation, scale."""
-    optimiser: LbfgsSettings = field(default_factory=lambda: LbfgsSettings(90, 30, 0.0))
+    optimiser: LbfgsOptimiser = field(default_factory=lambda: LbfgsOptimiser(90, 30, 0.0))
     """L-BFGS. A third as many steps follow, with contact and penetration."""
     reprojection: ProxReprojectionSettings = field(default_factory=ProxReprojectionSettings)
     """Keypoints."""
@@ -118,7 +118,7 @@ class ProxOptimisation(PublishedOptimisation):
             LimitTerm(self.limits),
         ]
 
-    def late_terms(self, context: JointContext) -> tuple[Sequence[Term], OptimiserSettings]:
+    def late_terms(self, context: JointContext) -> tuple[Sequence[Term], Optimiser]:
         """Return contact and penetration, for a third as many steps as without them."""
         contact = PointContactTerm(
             context,

@@ -32,7 +32,7 @@ def test_the_floor_of_its_mask_is_found_to_the_centimetre() -> None:
     assert found.inlier_share > 0.7
 
 
-def test_no_mask_is_no_floor() -> None:
+def test_without_a_floor_mask_no_floor_is_found() -> None:
     points = RAYS * 2
     assert fit_floor_metric(points, pointmap_normals(points, ALL), ALL, None).reason == "no_pixels"
     assert fit_floor_metric(points, pointmap_normals(points, ALL), ALL, ~ALL).reason == "no_pixels"

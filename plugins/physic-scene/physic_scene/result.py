@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def assemble(solved: SolvedScene, everybody: Sequence[PersonOfScene], reconstruction: Reconstruction) -> SceneResult:
-    """Return the result.
+    """Build the result of several photos, with its checks, notes and warnings.
 
     Args:
         solved: cameras and people.
