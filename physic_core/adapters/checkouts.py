@@ -27,7 +27,7 @@ from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.interfaces import Packages, Repository, Requirement
 
 NON_COMMERCIAL = frozenset({"smplx"})
-"""Packages of Python whose licence forbids commercial use: nothing installs them but the user."""
+"""Python packages with a non-commercial licence, which only the user installs."""
 
 PIP_NAMES: Mapping[str, str] = {
     "PIL": "pillow",
@@ -183,7 +183,7 @@ class Checkout:
     def fingerprint(self) -> str:
         """Return a hash of the contents of all code and configuration in the folder; "" if the folder is missing.
 
-        After :meth:`load` it is that of the imported code, which does not follow later edits of its files.
+        After :meth:`load` it stays the hash of the imported code, even if its files are edited later.
         """
         root = self.root
         if self._fingerprint is not None or root is None or not root.is_dir():
@@ -270,7 +270,8 @@ def _top_names(root: Path) -> dict[str, Path | None]:
 def _digest_of_code(root: Path) -> str:
     """Return a hash of the names and contents of code and configuration in a folder.
 
-    Hidden folders, environments of Python and large files do not count. Of links to folders, packages are followed.
+    Hidden folders, Python environments and large files are skipped. Of the links to folders, only packages are
+    followed.
     """
     digest = hashlib.sha256()
     left, followed = [root], {root.resolve()}

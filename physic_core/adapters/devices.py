@@ -67,7 +67,7 @@ def limited_threads(count: int = 1) -> Iterator[None]:
     before = list[int]()
 
     def limit_torch() -> None:
-        with suppress(ImportError, OSError):  # whatever needs torch imports it again, and fails
+        with suppress(ImportError, OSError):  # code that needs torch imports it again, and raises the error
             import torch
 
             before.append(torch.get_num_threads())

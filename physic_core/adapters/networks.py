@@ -1,4 +1,4 @@
-"""Base classes of backends that run a network; what an adapter adds is how its input is made and its output is read.
+"""Base classes of backends that run a network; an adapter adds how its input is made and how its output is read.
 
 ::
 
@@ -45,7 +45,7 @@ class NetworkBackend(Backend):
     ``infer`` of its own.
 
     Attributes:
-        weight_options: names of the options that name weights; of those after the first, an empty one names none.
+        weight_options: names of the options that name weights; all but the first may be empty.
         device: of the loaded networks.
     """
 
@@ -87,7 +87,7 @@ class NetworkBackend(Backend):
 
     @property
     def network(self) -> Any:
-        """What :meth:`build` returned.
+        """The network that :meth:`build` returned.
 
         Raises:
             BackendError: it is not loaded.
@@ -100,7 +100,7 @@ class NetworkBackend(Backend):
         """Return the result for an image and the other arguments of the interface.
 
         Raises:
-            BackendError: the network is not loaded, or its output is not what is known of it.
+            BackendError: the network is not loaded, or its output has an unexpected form.
         """
         return self.postprocess(self.run(self.preprocess(*given, **named)), *given, **named)
 
@@ -153,13 +153,13 @@ class TorchBackend(NetworkBackend):
 
     @property
     def dtype(self) -> Any:
-        """The type of torch of the option ``precision``; float32 without the option."""
+        """The torch type that the option ``precision`` names; float32 without the option."""
         import torch
 
         return getattr(torch, self.options.precision) if isinstance(self.options, TorchOptions) else torch.float32
 
     def load(self, device: str = "cpu") -> None:
-        """Build the network on a device of torch, unless it is built.
+        """Build the network on a torch device, unless it is built.
 
         Raises:
             DeviceError: the device is not there, or cannot compute in the option ``precision``.
@@ -178,7 +178,7 @@ class TorchBackend(NetworkBackend):
 
 
 def _check_precision(dtype: Any, device: str) -> None:
-    """Raise DeviceError if a device cannot compute with this type of torch."""
+    """Raise DeviceError if a device cannot compute with a torch type."""
     import torch
 
     if dtype is torch.float16 and device == "cpu":
@@ -191,7 +191,7 @@ def open_torchscript(path: Path, device: str) -> Any:
     """Open a TorchScript file on a device.
 
     Raises:
-        BackendError: it is not one, or is damaged.
+        BackendError: the file is not TorchScript, or is damaged.
     """
     import torch
 
@@ -199,7 +199,7 @@ def open_torchscript(path: Path, device: str) -> Any:
         with warnings.catch_warnings():  # torch has newer formats, but files are published in this one
             warnings.simplefilter("ignore", DeprecationWarning)
             return torch.jit.load(str(path), map_location=device).eval()  # type: ignore[no-untyped-call]
-    except Exception as error:  # whatever a file can be instead
+    except Exception as error:  # torch raises many classes for files of other kinds
         raise BackendError(f"{path} cannot be read as TorchScript: {type(error).__name__}: {error}") from error
 
 
@@ -216,7 +216,7 @@ def run_in_batches(
         call: takes inputs (n, ...) by name and returns outputs of n rows.
         inputs: (N, ...) by name, N > 0.
         size: rows at a time.
-        full: whether the network takes ``size`` rows only: the last ones are filled up.
+        full: whether the network needs exactly ``size`` rows; the last batch is then padded.
 
     Raises:
         BackendError: an output has another number of rows.
@@ -248,12 +248,12 @@ def picture_tensor(
     align_corners: bool = False,
     device: str = "cpu",
 ) -> Any:
-    """Return images as a network of torch takes them, resized and normalised on the device by kornia.
+    """Return images as the input of a torch network, resized and normalised on the device by kornia.
 
     Args:
         image: (H, W, 3) or (N, H, W, 3) uint8 RGB.
-        mean: of each channel, of values from 0 to 1.
-        std: the same of the standard deviation.
+        mean: mean of each channel, for values from 0 to 1.
+        std: standard deviation of each channel, the same.
         size: rows and columns to which the image is resized, bilinear without antialiasing; None to keep its size.
         align_corners: whether the centres of the corner pixels stay in the corners when it is resized.
         device: of torch.

@@ -82,9 +82,9 @@ class OnnxSession:
         Args:
             outputs: their names.
             inputs: by name.
-            keep: keep the outputs in the cache of backend results, and take them from it for equal inputs. Useful where
-                running takes much longer than reading, and where the backend reads more than the network does. Outputs
-                are kept only if SHA-256s of the files are published.
+            keep: keep the outputs in the cache of backend results, and take them from it for equal inputs. Useful if
+                running takes much longer than reading, and if the backend has inputs that the network does not get.
+                Outputs are kept only if SHA-256s of the files are published.
         """
         names = None if outputs is None else list(outputs)
 
@@ -113,9 +113,9 @@ def open_session(
         device: "cpu", "cuda" or "cuda:N".
         provider: "auto" follows the device; or "cpu", "cuda", "tensorrt", "coreml", "directml".
         broken: advice for a file that cannot be opened.
-        published: SHA-256 by name of the file and of all its external data files. The bytes that have it are those
-            that are used, or the graph is read from the cache, where it is kept as onnxruntime optimised it for the
-            CPU. Empty to compare and keep nothing.
+        published: SHA-256 by name of the file and of all its external data files. Exactly the compared bytes are used,
+            or the graph that onnxruntime optimised for the CPU is read from the cache. Empty for no comparison and no
+            cache.
 
     Raises:
         DeviceError: the device does not exist, or the provider is not installed or does not start.
@@ -188,12 +188,12 @@ def _session_options(weights_folder: Path, threads: int, provider: ExecutionProv
     # Photos have all sizes. Memory planned for one size would stay allocated for each.
     options.enable_mem_pattern = False
     if provider.name == "CPU":
-        # The arena uses memory again as well. To plan which outputs share it takes half the time of opening a graph
-        # without fixed sizes.
+        # Planning which outputs share memory takes half the time of opening a graph without fixed sizes. The arena
+        # reuses memory anyway.
         options.enable_mem_reuse = False
     options.add_session_config_entry("session.use_env_allocators", "1")
     options.add_session_config_entry("session.model_external_initializers_file_folder_path", str(weights_folder))
-    # Threads that wait for work in a loop take processor time from others, and finish later themselves.
+    # Threads that spin while they wait take processor time from others, and end later themselves.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     return options
 
@@ -235,7 +235,7 @@ def select_provider(
 
 
 def _read_compared(path: Path, sha256: str, broken: str) -> bytes:
-    """Return the bytes of a file that has a known SHA-256: they are used, whatever becomes of the file."""
+    """Return the bytes of a file after comparing their SHA-256; the file may change later."""
     try:
         content = path.read_bytes()
     except OSError as error:
@@ -250,8 +250,8 @@ def _read_compared(path: Path, sha256: str, broken: str) -> bytes:
 def _register_shared_arena() -> None:
     """Let all sessions of the process take their working memory on the CPU from one arena, which keeps it.
 
-    With an arena each, the five largest embedded networks hold 2.8 GB. Arenas that shrink after each run, or none, get
-    their memory anew from the system: 400,000 page faults a photo, 6 % of its processor time or more.
+    With an arena each, the five largest embedded networks hold 2.8 GB. With arenas that shrink after each run, or
+    without arenas, memory comes anew from the system: 400,000 page faults a photo, 6 % of its processor time or more.
     """
     import onnxruntime as ort
 
@@ -260,9 +260,9 @@ def _register_shared_arena() -> None:
 
 
 def release_memory() -> None:
-    """Return the working memory on the CPU that no open session uses to the system.
+    """Give CPU memory of the arena that no open session uses back to the system.
 
-    It stays with the process otherwise, even when all sessions are closed; for a photo that is .6 GB.
+    Otherwise the process keeps it even after all sessions are closed: .6 GB for a photo.
     """
     if not _register_shared_arena.cache_info().currsize:
         return

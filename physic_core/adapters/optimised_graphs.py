@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from onnxruntime import InferenceSession
 
 MAX_GRAPH_BYTES = 1 << 30
-"""All kept graphs have at most this size; those of all packaged networks have .2 GB."""
+"""Size limit of all kept graphs together; those of all packaged networks have .2 GB."""
 _END = struct.Struct("<QI")
 """Size of the graph and checksum of weights and graph, at the end of a file."""
 
@@ -35,8 +35,8 @@ _END = struct.Struct("<QI")
 class KeptGraph:
     """The optimised form of one ONNX graph for this onnxruntime and this processor.
 
-    A file is named for what it was made of, and its checksum shows damage: no other version is taken for it. Files are
-    renamed when they are complete: any number of processes may write.
+    The name of a file is a digest of its inputs, so another version is never taken for it; its checksum shows damage.
+    Files are renamed when they are complete, so several processes may write at once.
 
     Attributes:
         kept: the cache.
@@ -82,7 +82,7 @@ class KeptGraph:
         complete = self.kept.path / f"{self.name}-{token}{self.kept.suffix}"
         try:
             part.mkdir(mode=0o700)
-        except OSError:  # such as a cache that may only be read
+        except OSError:  # such as a read-only cache
             return None
         try:
             graph, weights = part / "graph", part / complete.name
@@ -128,7 +128,7 @@ def _graph_of(path: Path) -> bytes | None:
 
 @cache
 def _processor() -> str:
-    """Return what names the instructions of the processor."""
+    """Return a text that identifies the instruction set of the processor."""
     named = f"{platform.system()} {platform.machine()} {platform.processor()}"
     with suppress(OSError), open("/proc/cpuinfo", encoding="utf-8") as lines:
         flags = [line for line in lines if line.startswith(("model name", "flags", "Features", "CPU part"))]

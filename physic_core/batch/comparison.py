@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 HEAD = ("photo", "person", "grade", "distance", "joints", "pose", "contact that one has alone")
 
 PICTURE_HEIGHT = 320
-"""Of the pictures of the page, px."""
+"""Height of the pictures on the page, px."""
 
 _PAGE = """<!doctype html>
 <html lang="en">
@@ -157,7 +157,7 @@ def table_rows(photo: Comparison) -> list[tuple[str, ...]]:
 
 
 def summary_lines(photos: Sequence[Comparison], only: tuple[Sequence[Path], Sequence[Path]]) -> list[str]:
-    """Return sentences about all photos, and about those of which one folder alone has a result."""
+    """Return sentences about all photos, and about the photos with a result in only one folder."""
     people = [person for photo in photos for person in photo.people]
     pairs = [person for person in people if None not in person.index]
     joints = [person.joints_m for person in pairs if person.joints_m is not None]

@@ -112,7 +112,7 @@ def _result_link(out: Path, folder: str) -> str:
 
 
 def _command_for_missing_pages(out: Path, folders: Iterable[str]) -> str:
-    """Return the command that writes the pages of results; "" if each that can be loaded has one.
+    """Return the command that writes the pages of results; "" if every loadable result has a page.
 
     Args:
         out: folder of all results.
@@ -127,7 +127,7 @@ def _script_json(value: Any) -> str:
 
 
 def _common_folder(paths: Sequence[str]) -> str:
-    """Return the folder of all photos with its separator, which a page that is sent to others need not tell them."""
+    """Return the common folder of all photos with its separator, which the page omits from their paths."""
     try:
         return os.path.join(os.path.commonpath([os.path.dirname(path) for path in paths]), "")
     except ValueError:  # no photos, or addresses among the paths

@@ -1,8 +1,8 @@
-"""The journal of a batch: one JSON line per photo that was tried, appended and never changed; and its tables.
+"""The journal of a batch, one JSON line per attempt at a photo, only appended; and the tables made from it.
 
-The last line of an id counts. Lines of one file follow each other in time; of several files, as shards have them, the
-line of the run with the larger number is the later one. No clock decides: machines may have different ones. A damaged
-or truncated line is ignored. The tables are the last line of each photo, and of each person in them.
+The last line of an id counts. Lines of one file are in order of time. In several files, such as those of shards, the
+line of the run with the larger number is the later one; clocks of machines may differ. A damaged or truncated line is
+ignored. The tables are the last line of each photo, and of each person in them.
 """
 
 from __future__ import annotations
@@ -261,7 +261,7 @@ def write_table(out: Path, kind: str) -> Path:
 
     Raises:
         ConfigError: pyarrow is not installed.
-        OutputError: the file cannot be written, or no batch has written the one there.
+        OutputError: the file cannot be written, or the existing one is not of a batch.
     """
     check_own(out / f"summary.{kind}", mark=_MARKS[kind])
     numbers = sorted({name for row in last_rows(out) for name in row} - COLUMNS.keys() - {PEOPLE_COLUMN})

@@ -153,7 +153,7 @@ class PhotoProcessor:
         try:
             result = self._reconstruct(item.path, item.settings)
             files = self._save(result, item)
-        except Exception as error:  # whatever a photo causes costs this photo alone
+        except Exception as error:  # an error of one photo must not end the batch
             if isinstance(error, OutputError) and isinstance(error.__cause__, OSError):
                 raise  # of the disk, which concerns every photo
             return failed_row(self.job, item, type(error).__name__, str(error), time.perf_counter() - start) | config
@@ -193,7 +193,7 @@ def failed_row(
 
     Args:
         job: of the batch.
-        item: the photo, with the stamp of before it was read; without one it is tried again by the next run.
+        item: the photo, stamped before it was read; without a stamp the next run tries it again.
         error: name of a class.
         message: of the error.
         seconds: spent on it.

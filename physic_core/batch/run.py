@@ -154,16 +154,16 @@ def _is_current(row: Mapping[str, Any], item: PhotoItem, job: BatchJob) -> bool:
 
 
 def _has_its_files(row: Mapping[str, Any], item: PhotoItem, job: BatchJob) -> bool:
-    """Whether a photo has the result that its row states, with all its files.
+    """Return whether the folder of a photo holds the result that its row states, with all its files.
 
-    Pictures and the document may be edited; arrays have their size. The thumbnail does not count.
+    Pictures and the document may be edited; the size of the arrays must agree. The thumbnail does not count.
     """
     if job.save == "none":
         return True
     folder, sizes = Path(job.out, photo_folder(item.id)), _sizes(row)
     if row["state"] == "done" and not row.get("result"):
         return False
-    if run_of_result(folder) != row.get("result"):  # after a kill before the row: those of a later run
+    if run_of_result(folder) != row.get("result"):  # files of a later run that was killed before its row
         return False
     try:
         found = {name: (folder / name).lstat().st_size for name in sizes}

@@ -292,7 +292,7 @@ def _work(pipe: connection.Connection, open_worker: Callable[[], Callable[[Any],
         pipe.send(("refused", type(error).__name__, str(error)))
         return
     gc.collect()
-    gc.freeze()  # the loaded libraries stay: to look through them after each task would take 0.1 s
+    gc.freeze()  # garbage collection skips the loaded libraries, which would take 0.1 s after each task
     pipe.send(("open",))
     with suppress(EOFError):
         while True:
@@ -305,7 +305,7 @@ def _work(pipe: connection.Connection, open_worker: Callable[[], Callable[[Any],
 
 
 def _end_with_parent() -> None:
-    """End this process as soon as its parent has ended, whatever it computes."""
+    """End this process as soon as its parent has ended, even in the middle of a task."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         connection.wait([parent.sentinel])

@@ -123,7 +123,7 @@ def read_model_file(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[An
     """Read and check the arrays of a body model file.
 
     Raises:
-        BodyModelError: there is no such file, it is none of this layout, or what it holds does not fit together.
+        BodyModelError: the file does not exist, has another layout, or its arrays contradict each other.
     """
     if not path.is_file():
         raise BodyModelError(f"there is no body model file {path}: {layout.advice}")
@@ -151,7 +151,7 @@ def _check_values(path: Path, arrays: Mapping[str, NDArray[Any]], layout: ModelF
     """Check that arrays are finite, that indices of vertices are in range, and the tree of the joints.
 
     Raises:
-        BodyModelError: the file at ``path`` holds others.
+        BodyModelError: an array of the file at ``path`` violates this.
     """
     for name, array in arrays.items():
         if not np.isfinite(array).all():
@@ -169,7 +169,7 @@ def _check(path: Path, layout: ModelFileLayout, found: Mapping[str, ArrayHeader 
     """Raise BodyModelError if arrays are missing or have wrong shapes or types.
 
     Raises:
-        BodyModelError: the file has others.
+        BodyModelError: as above.
     """
     advice, template = layout.advice, found.get("v_template")
     count = template.shape[0] if template is not None and template.shape else layout.vertices
@@ -208,7 +208,7 @@ def _from_npz(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[Any]]:
         raise BodyModelError(f"{path} holds a pickled object where numbers belong: {layout.advice}") from error
     except BodyModelError:
         raise
-    except Exception as error:  # of zipfile, its compressors and numpy, which have many
+    except Exception as error:  # zipfile, its compressors and numpy raise many classes
         raise BodyModelError(f"{path} cannot be read, the file is damaged: copy or download it again") from error
 
 
@@ -223,7 +223,7 @@ def _from_pickle(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[Any]]
         ) from error
     except InvalidArrayError as error:
         raise BodyModelError(f"{path} {error}: {layout.advice}") from error
-    except Exception as error:  # a pickle that is none can fail in any way
+    except Exception as error:  # an invalid pickle can fail in any way
         raise BodyModelError(
             f"{path} is neither an .npz archive nor a pickle of {layout.name}: {layout.advice}"
         ) from error

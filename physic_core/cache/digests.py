@@ -55,7 +55,7 @@ class Digester:
 
     def _feed(self, hasher: Any, value: Any) -> None:
         """Add type, length and content of a value to a hash."""
-        import numpy as np  # hashes of files are looked up where nothing else needs it
+        import numpy as np  # imported here, since looking up the hash of a file does not need it
 
         if isinstance(value, np.ndarray):
             hasher.update(f"array {value.dtype.str} {value.shape};".encode() + self._array(value))

@@ -66,7 +66,7 @@ def canonicalize(result: _T) -> _T:
     """Convert a result to the form that the cache returns, so that runs with and without cache agree bit for bit.
 
     Arrays become C-contiguous copies, since their order in memory changes sums, and since the backend may use its
-    arrays again; NumPy scalars become Python numbers. Of a result that cannot be stored, a deep copy is returned.
+    arrays again; NumPy scalars become Python numbers. A result that cannot be stored is copied deeply.
     """
     try:
         return restored(result, copies=True)
@@ -147,7 +147,7 @@ class ResultCache:
         """Compute the cache key of a backend call; None if results of this backend are not cached.
 
         Raises:
-            Exception: whatever the backend's ``fingerprint`` raises.
+            Exception: raised by the backend's ``fingerprint``.
         """
         kind = type(backend)
         code = self._code.digest(kind) if kind.cacheable else None
@@ -171,7 +171,7 @@ class ResultCache:
 
     def network_key(self, name: str, made_of: str, inputs: Mapping[str, NDArray[Any]]) -> CacheKey:
         """Compute the cache key of the outputs of a network; see :mod:`physic_core.cache.results`."""
-        digest = Digester().digest(_VERSION, made_of, inputs)  # one of its own: it does not keep the inputs alive
+        digest = Digester().digest(_VERSION, made_of, inputs)  # a separate one does not keep the inputs alive
         return CacheKey(f"network-{_plain(name)}-{digest}{self._files.suffix}", {"interface": "network", "name": name})
 
     def read(self, key: CacheKey) -> object | None:

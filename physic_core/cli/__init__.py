@@ -41,7 +41,7 @@ class _Main(ExtensibleGroup):
 
         try:
             os.getcwd()
-        except OSError:  # relative paths, and libraries that look at it when they are imported, would fail
+        except OSError:  # relative paths would fail, and so would libraries that read it at import
             raise click.UsageError(
                 "the current folder does not exist or cannot be read: change to another one"
             ) from None

@@ -1,4 +1,4 @@
-"""What commands print, where untrusted text must not control the terminal; their progress, and their output folder."""
+"""Output of commands: text with control characters escaped, tables, messages, progress, and the result folder."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def echo_json(value: object) -> None:
 def printed_logs() -> Iterator[None]:
     """Print Python's warnings, and warnings and errors of loggers, like all other lines, unless handlers exist."""
     root, handler = logging.getLogger(), _EchoHandler(logging.WARNING)
-    if not root.handlers:  # also of logging.basicConfig, which adds none then
+    if not root.handlers:  # logging.basicConfig of a library then adds none
         root.addHandler(handler)
         logging.captureWarnings(True)
     try:

@@ -129,7 +129,7 @@ def _write_index(folder: Path, each: bool) -> None:
     for number, result in enumerate(found if each else (), 1):
         try:
             path = add_report(result)
-        except InputError as error:  # the page says it, and the others get theirs
+        except InputError as error:  # the page states the error, and the other results get their pages
             echo(f"[{number}/{len(found)}] {error}", err=True)
         else:
             echo(f"[{number}/{len(found)}] {path}", err=True)

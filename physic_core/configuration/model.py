@@ -50,7 +50,7 @@ OPTIONAL_INTERFACES = ("hand_estimator", "contact_prior")
 """Interfaces that a configuration may omit with ``backend = "none"``."""
 
 _FROM_FILE = "file"
-"""Name of backends that read a result of an interface from a user's file, their option ``path``."""
+"""Name of the backends that read a result from the user's file in their option ``path``."""
 _METRES_PER_MILLIMETRE = 0.001  # depth cameras write PNGs in millimetres
 _MAX_PROMPTS = 1000  # people or lengths; a photo that can be reconstructed has tens
 _HOOK = "physic_engine_presets"

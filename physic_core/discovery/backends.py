@@ -85,7 +85,7 @@ def find_by_name(name: str) -> tuple[Offer, ...]:
 
 
 def load_class(offer: Offer) -> type[Backend]:
-    """Import the class of a backend, and check that it is one of its interface, in the version of this core.
+    """Import the class of a backend, and check its interface and the version of the interface.
 
     Raises:
         BackendNotFoundError: a config names a class that does not exist.
@@ -110,7 +110,7 @@ def load_class(offer: Offer) -> type[Backend]:
 
 
 def class_problem(kind: object, interface: str) -> str:
-    """Return why an object is no complete backend class of an interface, as the end of a sentence; "" if it is."""
+    """Return why an object is not a complete backend class of an interface, as the end of a sentence; "" if it is."""
     wanted: Any = INTERFACES[interface]
     if not (isinstance(kind, type) and issubclass(kind, wanted)):
         return f"is not a subclass of physic_core.interfaces.{wanted.__name__}"

@@ -1,4 +1,4 @@
-"""What the entry points of installed distributions offer, without importing it, and versions of distributions.
+"""Read entry points of installed distributions without importing their targets, and versions of distributions.
 
 A plugin has one entry point for each backend, in the group ``physic.INTERFACE``, such as ``physic.metric_depth``. It
 has one in ``physic.weights`` if it lists weights (:mod:`physic_core.weights.manifest`), and one in ``physic.plugins``

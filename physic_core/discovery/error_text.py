@@ -1,4 +1,4 @@
-"""Exceptions of plugins as one line with file and line in the plugin, and existing names for a misspelt one."""
+"""Format an exception of a plugin as one line with its place in the plugin, and suggest names for a misspelt one."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Run code of plugins: it cannot end the process with an exception, and what it prints goes to stderr.
+"""Run code of plugins: none of its exceptions ends the process, and its output goes to stderr.
 
-This is not a sandbox: a plugin is code that the user has installed. It protects a run from plugins that are careless.
+This is not a sandbox, since the user has installed the plugin. It protects a run from careless plugins.
 """
 
 from __future__ import annotations

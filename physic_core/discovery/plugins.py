@@ -1,6 +1,6 @@
 """Ask the hooks of installed plugins for what they add, and import it when it is used; formats of ``physic export``.
 
-Each plugin has a pluggy manager of its own: a plugin that fails takes nothing of another one away.
+Each plugin has a pluggy manager of its own, so a plugin that fails does not affect the others.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class Found(Generic[_Record]):
 
 @dataclass(frozen=True)
 class BrokenPlugin:
-    """A plugin with hooks that cannot be imported or that fails, or one whose entry point nothing reads.
+    """A plugin that cannot be imported or fails, or that has an entry point in an unknown group.
 
     Attributes:
         distribution: its name.
@@ -85,7 +85,7 @@ def find_items(hook: str) -> tuple[Found[Any], ...]:
 
 
 def broken_plugins() -> tuple[BrokenPlugin, ...]:
-    """Return the plugins with hooks that fail, entry points that nothing reads, and what is not there to restrict to.
+    """Return plugins with failing hooks, entry points in unknown groups, and missing plugins of ``PHYSIC_PLUGINS``.
 
     No backend is imported.
     """

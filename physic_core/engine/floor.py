@@ -41,7 +41,7 @@ _NO_LABEL = (0.500, 0.498, 0.002)
 _MASK, _GROUND, _NO_GROUND = (0.700, 0.270, 0.030), (0.850, 0.130, 0.020), (0.100, 0.898, 0.002)
 """Share of pixels on, in front of and behind the floor, by label: one does not see through a floor."""
 
-_BANDS = 50.0  # tolerances in the range of inverse depth: pixels off the plane may lie anywhere in it
+_BANDS = 50.0  # tolerances in the range of inverse depth, over which pixels off the plane are spread
 _NO_FLOOR_NATS = 1.5  # for "no floor", which has no pixel to explain
 _UP_SIGMA_DEG = 6.0  # of a confident up direction
 _AXIS_SIGMA_DEG = 15.0  # between people who stand straight and up

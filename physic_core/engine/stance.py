@@ -1,14 +1,14 @@
 """Whether feet touch something, and what the picture shows beside feet, hands and seat, before people are placed.
 
 A foot that is much higher than the other one in the picture is in the air or farther away. A person who raises both
-arms and points the toes down probably hangs. And what a part of the body touches has its depth: somewhere beside the
-part, or below the thighs, the depth map of the photo shows the depth of the part itself. Behind a part in the air, the
-picture is farther. This holds in any unit and wherever people are placed. The weights are in ``touch.json``.
+arms and points the toes down probably hangs. A part of the body and what it touches have the same depth, so the depth
+map of the photo shows that depth somewhere beside the part, or below the thighs. Around a part in the air, the depth
+map is farther away. This holds in any unit and wherever people are placed. The weights are in ``touch.json``.
 
 At the pixels of a foot on the ground, the depth map of the photo and that of the scene without people nearly agree: the
 ground continues behind the foot. A foot in the air has a gap, the logarithm of the ratio of both depths. A foot on a
 seat or a table also has one: where surface labels show these around the foot, its gap says nothing of the floor. A gap
-that no foot can have says that the photo's depth of the person is wrong.
+larger than any foot can have shows that the photo's depth of the person is wrong.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
 
 _TOES = ("foot_tip", "big_toe")
-_MOST_TRUNKS = 1.0  # a foot that is still higher than the other one says no more
+_MOST_TRUNKS = 1.0  # largest height difference of feet that counts
 _RAISED_TRUNKS, _POINTED_TRUNKS = 0.8, 0.2  # wrists over shoulders, and toes under heels, of people who hang
-_USUAL_BESIDE, _MOST_BESIDE = 0.1, 0.3  # of parts that nothing is known of; and where larger ones say no more
+_USUAL_BESIDE, _MOST_BESIDE = 0.1, 0.3  # of parts without a measurement; largest difference that counts
 
 _BESIDE_SHARE, _BELOW_THIGH_SHARE = 0.1, 0.2  # of the height of a person's mask: background beside a part
 _THIGHS = 4  # row of the first of both thighs among the parts
@@ -47,7 +47,7 @@ _QUANTILES = np.linspace(0.05, 0.95, 19)  # of the depths beside a part
 _MIN_CONFIDENCE = 0.3  # of the keypoints of a foot
 _RADIUS_SHARE = 0.02  # of the height of a person's mask: pixels around a keypoint
 _MIN_PIXELS = 4
-_PITCH_DEG = 20.0  # between heel and toe in the image; beyond, the lower end alone counts
+_PITCH_DEG = 20.0  # between heel and toe in the image; beyond, only the lower end counts
 _RING_SHARE = 0.1  # of the height of a person's mask: background around a foot, where both maps must agree
 _MARGIN_PX = 3  # between people and background; depth maps are blurred at outlines
 _MAX_BACKGROUND_GAP = 0.15  # where the maps differ more, they are not aligned
@@ -71,7 +71,7 @@ class Stance(ShortRepr):
             unknown.
         beside: (N, 5) smallest difference of the logarithm of depth between feet, hands and seat and what the picture
             shows beside each of them, below the thighs for the seat; NaN where unknown.
-        stands: (N, 2) probability that the foot stands on the floor, which is not the photo's without one.
+        stands: (N, 2) probability that the foot stands on the floor; only a prior if no floor was found.
     """
 
     lower: FloatArray
@@ -103,12 +103,12 @@ class Stance(ShortRepr):
 
     @property
     def stands_on_both_feet(self) -> BoolArray:
-        """People (N,) both of whose feet probably stand on the floor."""
+        """People (N,) bool with both feet probably on the floor."""
         return np.asarray((self.stands >= LEAST_PROBABILITY).all(1))
 
     @property
     def in_air(self) -> BoolArray:
-        """People (N,) neither of whose feet probably touches anything."""
+        """People (N,) bool with both feet probably in the air."""
         return np.asarray((self.touch < LEAST_PROBABILITY).all(1))
 
     def expanded(self, rows: BoolArray) -> Stance:
@@ -124,7 +124,7 @@ class Stance(ShortRepr):
 
 
 def touch_in_picture(points: FloatArray, names: Sequence[str]) -> FloatArray:
-    """Return the probability (N, 2) that feet touch something by keypoints (N, J, 2), px, with names, alone."""
+    """Return the probability (N, 2) that feet touch something, from named keypoints (N, J, 2), px, only."""
     lower, hanging = lower_than_the_other(points, names), hanging_posture(points, names)
     return replace(Stance.unknown(len(points)), lower=lower, hanging=hanging).touch
 
@@ -294,7 +294,7 @@ def depth_gaps_at_feet(
 
 
 def _around(values: Tensor, mask: Tensor, place: Tensor, radius: float, *, below: bool = False) -> Tensor:
-    """Return the finite values (n,) of a mask in a square around a place (2,) px, or in its lower half alone."""
+    """Return the finite values (n,) of a mask in a square around a place (2,) px, or only in its lower half."""
     height, width = mask.shape
     x, y = (float(v) for v in place)
     columns = slice(max(0, round(x - radius)), min(width, max(0, round(x + radius) + 1)))

@@ -1,10 +1,10 @@
 """Writes and reads of files: each file appears completely or not at all, also if the process is killed.
 
 New files are written under temporary names and renamed at the end. A folder is locked while it is written, where its
-file system has locks. What a process that was killed has left there is deleted by the next write with a lock.
+file system has locks. Temporary files of a killed process are deleted by the next write with a lock.
 
-PhySIC replaces a file outside a result's folder only if it carries its mark, and never opens one through a link to
-write. Files to read are regular ones: reading a pipe would wait for ever.
+Outside a result's folder, PhySIC replaces only files with its mark, and never writes through a link. It reads only
+regular files, since reading a pipe could wait for ever.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ MARK = "Written by PhySIC. The same command replaces this file."
 """Text in a file by which PhySIC knows later that it may replace the file."""
 
 _END_BYTES = 1 << 16  # a page has the mark at its start, and a Parquet table at its end
-# As no other program names its files.
+# A form of name that no other program uses.
 _PART = re.compile(r"\.(?:.+\.)?[0-9a-f]{8}\.physic-part", re.DOTALL)
 
 
@@ -147,7 +147,7 @@ _REMEDY = {
 
 
 def _refusal(folder: Path, error: OSError) -> OutputError:
-    if os.path.isfile(folder):  # Path's own raises where the way there is closed
+    if os.path.isfile(folder):  # Path.is_file raises if a parent folder cannot be entered
         return OutputError(f"cannot write results to {folder}: it is a file; name a folder, or move the file away")
     # Of a file system such as /proc, "No such file or directory" is about the folder that is to be made.
     why = "no folder can be made there" if error.errno == errno.ENOENT else error.strerror or error
@@ -190,7 +190,7 @@ def write_own(path: Path, content: bytes, mark: str = MARK) -> Path:
 
 
 def foreign_file(path: Path) -> OutputError:
-    """Return the error that says that a path is of the user."""
+    """Return the error for a path that holds a file of the user."""
     return OutputError(
         f"cannot write {path}: a file that PhySIC did not write, or a link, is there; move it away, or name another "
         "folder"

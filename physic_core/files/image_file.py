@@ -1,7 +1,7 @@
 """Open image files of a user: known formats, the first image, pixels bounded before decoding, else InputError.
 
-Decoders invent pixels for data that are lost inside a JPEG file, and Pillow drops their warnings: such data are looked
-for before.
+Decoders invent pixels for data that are missing inside a JPEG file, and Pillow drops their warnings. So such gaps are
+searched for first.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _MAX_PIXELS_OF = {
     "AVIF": 55_000_000,
     "JPEG2000": 40_000_000,
 }
-"""The same for formats whose decoders take 12 to 32 bytes for each pixel, and not up to 9: 1.4 GB at most."""
+"""The same for formats with decoders that take 12 to 32 bytes per pixel, in place of up to 9: 1.4 GB at most."""
 
 MAX_SCANS = 500
 """Maximum number of scans of a JPEG. Cameras and editors write up to about 20; each takes the time of a complete
@@ -122,7 +122,7 @@ class ImageSource:
             return io.BytesIO(self.content or b"")
         try:
             self._check(self.path.stat())
-            # Without waiting, should a pipe take the place of the file now.
+            # O_NONBLOCK: does not wait if a pipe has replaced the file since.
             number = os.open(self.path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
         except FileNotFoundError:
             raise InputError(f"cannot read the {self}: there is no such file; check the path") from None
@@ -244,7 +244,7 @@ def wrap_decoding_errors(source: ImageSource) -> Iterator[None]:
             raise InputError(
                 f"cannot read the {source}: there is not enough memory to decode it; give a smaller version"
             ) from error
-        except Exception as error:  # decoders raise whatever damaged data lead to
+        except Exception as error:  # decoders raise many classes for damaged data
             raise source.damaged() from error
         finally:
             for (module, name), value in zip(_SWITCHES, before, strict=True):
@@ -332,7 +332,7 @@ def _check_jpeg_data(file: BinaryIO) -> bytes | None:
 
 
 def _zeros_can_be_plain(huffman: bytes) -> bool:
-    """Return whether zeros end each block, as optimised tables of pictures with large plain areas have it."""
+    """Return whether zeros end each block, as in optimised tables of pictures with large plain areas."""
     place = 0
     while place < len(huffman):  # class and number of a table, 16 counts of codes, and a symbol for each code
         if huffman[place] >= 0x10 and huffman[place + 17 : place + 18] != b"\x00":

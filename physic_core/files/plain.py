@@ -195,7 +195,7 @@ def _alternatives(hint: Any) -> tuple[Any, ...]:
 
 
 def _suits(kind: Any, value: Any) -> bool:
-    """Whether a JSON value is one of a type, which is no union."""
+    """Return whether a JSON value is one of a type, which is not a union."""
     origin = get_origin(kind) or kind
     if origin is Any:
         return True
@@ -217,12 +217,12 @@ def _suits(kind: Any, value: Any) -> bool:
 
 
 def _is_tensor(kind: Any) -> bool:
-    """Whether a type is that of torch's tensors, without importing torch."""
+    """Return whether a type is torch.Tensor, without importing torch."""
     return getattr(kind, "__module__", "") == "torch" and getattr(kind, "__name__", "") == "Tensor"
 
 
 def _checked(array: NDArray[Any], kinds: Sequence[Any], name: str) -> Any:
-    """Return an array if its dtype is one that the alternatives of a type allow, as a tensor if one of them is that."""
+    """Return an array if one of the alternative types allows its dtype, as a tensor if one of them is Tensor."""
     if any(_is_tensor(kind) for kind in kinds):
         import torch
 

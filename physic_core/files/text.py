@@ -1,6 +1,6 @@
-"""Text of others in messages and in CSV files, and strict JSON with NaN and infinities as strings.
+"""Untrusted text in messages and CSV files, and strict JSON with NaN and infinities as strings.
 
-No terminal obeys the text, and no spreadsheet takes it for a formula.
+Control characters are escaped for terminals, and formulas for spreadsheets.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TextIO
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
-"""With which a text begins that a spreadsheet computes; the last four have full width, for Japanese and Chinese."""
+"""First characters of a text that a spreadsheet computes; the last four are full-width, for Japanese and Chinese."""
 
 _MAX_DEPTH = 200
 _TOO_DEEP = f"values are nested more than {_MAX_DEPTH} deep"

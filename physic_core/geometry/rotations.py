@@ -75,7 +75,7 @@ def _jacobian_along(square: Tensor, sine: Tensor) -> Tensor:
 _Array = NDArray[np.float64]
 
 _TINY = 1e-12
-_OPPOSITE = 1e-16  # squared sum of opposite unit vectors: below, it has fewer digits than the half turn is off by
+_OPPOSITE = 1e-16  # squared sum of opposite unit vectors; below, rounding errs by more than the half turn does
 
 
 def unit(vectors: _Array) -> _Array:

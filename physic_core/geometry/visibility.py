@@ -3,8 +3,8 @@
 A vertex is visible by its facing angle, masks, and occlusion by limbs or other people.
 
 A point in front of all surfaces of a depth map is in free space. Beyond the rim of a surface, the normal of the nearest
-scene point does not tell inside from outside. For example, a calf in front of a seat is below the seat's plane, but not
-inside the seat.
+scene point does not distinguish inside from outside. For example, a calf in front of a seat is below the seat's plane,
+but not inside the seat.
 
 Camera frame (x right, y down, z forward), metres; the camera is the origin. Pixels have integer centres.
 """

@@ -182,7 +182,7 @@ def _same_topology(mesh: Mesh, model: BodyModel) -> bool:
 def _joints_and_mesh(bodies: Bodies, model: BodyModel) -> tuple[_Array, Mesh | None]:
     """Return the joints (N, 55, 3), NaN where unknown, and the mesh if it has a known correspondence.
 
-    Of the embedded body both follow from its parameters.
+    For the embedded body, both follow from its parameters.
     """
     joints = bodies.joints
     mesh = bodies.mesh if bodies.mesh is not None and _has_correspondence(bodies.mesh, model) else None

@@ -19,8 +19,8 @@ SEARCH_RADIUS_M = 0.15
 _POINT_SPACING_M = 0.02  # of scene points: a vertex between four of them is on the surface, not 1 cm from it
 
 DistanceMeasure: TypeAlias = Callable[[Tensor, Tensor, Tensor], Tensor]
-"""Distance (...) of vertices, metres, from their offsets (..., 3) to the nearest scene points, the normals (..., 3) of
-these points, zero where unknown, and the length (...) of the offsets."""
+"""Function that returns distances (...) of vertices, metres. Its arguments: the offsets (..., 3) from the nearest scene
+points, the normals (..., 3) of these points, zero where unknown, and the lengths (...) of the offsets."""
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Touch:
-    """What vertices touch.
+    """Contact of the vertices of N people.
 
     Attributes:
         kind: (N, V) int64, index into ``KINDS``; -1 without contact.
@@ -54,12 +54,12 @@ class ContactMethod:
     """The same for contact with other people and with the person's own body, which is less certain. 0.16 has an F1 of
     .21 there, and 0.12 one of .22, with half more vertices on body parts that touch no skin."""
     people: bool = True
-    """Also contact with other people and with the person's own body."""
+    """Whether to estimate contact with other people and with the person's own body."""
     objects: bool = True
-    """Small objects in hands and on laps are not part of the scene, and people touch them
+    """Whether people may touch small objects in hands and on laps, which are not part of the scene
     (:mod:`physic_core.engine.contact.objects`)."""
     assume_supports: bool = True
-    """People without support in the scene touch a hidden support, such as a seat or what their hands hold
+    """Whether people without support in the scene may touch a hidden support, such as a seat or a bar in their hands
     (:mod:`physic_core.engine.contact.support`)."""
 
     def surfaces(self, problem: JointProblem, vertices: Tensor, scale: float) -> ContactSurfaces:

@@ -19,7 +19,7 @@ HIDDEN, HIDDEN_SEAT = len(KINDS), len(KINDS) + 1
 """Further partners of a vertex, beside those of ``KINDS``: a hidden support, or a hidden seat."""
 
 DECIMALS = 4
-"""Of probabilities and lengths of listed contacts and supports."""
+"""Decimals of probabilities and lengths of listed contacts and supports."""
 
 _MIN_VERTICES = 3  # of a contact that is listed
 _DENT_QUANTILE = 0.9  # of the depths of a part's vertices in a dent

@@ -99,7 +99,7 @@ class NearScene(NamedTuple):
 def near_scene(given: ContactInput, near: Distances) -> NearScene:
     """Return where vertices are beside scene and floor.
 
-    Where nothing is near a part, a level surface under its lowest vertices stands for what the scene does not have.
+    A part with nothing near it is compared with a level surface under its lowest vertices.
     """
     distance, facing = _to_scene(given, near)
     height = torch.where(given.model.outer, given.vertices @ given.up, torch.inf)

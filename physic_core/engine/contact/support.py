@@ -1,6 +1,6 @@
 """Support of a person: contacts that can carry weight, balance of the body over them, and hidden supports.
 
-Who sits has a seat, whatever else balances the body: what buttocks and thighs touch from above, else a hidden one. A
+A seated person has a seat, whatever else balances the body: the surface under buttocks and thighs, or a hidden one. A
 person is balanced if the centre of mass is over the convex hull of the carrying contacts, or below hands that hold
 something. Otherwise, the photo may not show the support. A hidden support is assumed only where the photo cannot show
 one, and if the body is balanced on it: something under feet that the photo does not show, and a bar in the hands of
@@ -92,9 +92,9 @@ def find_support(
     """Find the support of a person.
 
     Contacts whose skin faces down carry, as do hands above the centre of mass. If they do not balance the body, all
-    contacts carry, such as a back against a wall: an upright surface alone carries no weight. If they do not balance it
-    either, the hidden support that balances the body best is assumed. A support that balances the body only with
-    contacts of limbs that the photo does not show also counts as assumed.
+    contacts carry. So a back against a wall carries only beside other contacts: an upright surface carries no weight by
+    itself. If they do not balance it either, the hidden support that balances the body best is assumed. A support that
+    balances the body only with contacts of limbs that the photo does not show also counts as assumed.
 
     Args:
         model: body model.

@@ -1,4 +1,4 @@
-"""Keep the better state of each person: no person ends with a higher energy than at the start.
+"""Minimise the joint energy, and keep the better state of each person: no energy ends higher than it started.
 
 All people share the scene's scale, so a person's energies in two states are comparable only at one scale. For the scale
 of each state, every person takes the state with their lower energy. The scale with the lowest total is kept. Only

@@ -18,8 +18,8 @@ from physic_core.geometry.mesh import cluster_points, faces_around_vertices, ver
 from physic_core.geometry.visibility import front_depth, inside_image
 
 _ANKLES = joint_pair("ankle")
-_STEPS_PER_M = float(1 << 20)  # to which positions are rounded
-_CONTACT_PROBABILITY = 0.5  # at least, of a contact vertex
+_STEPS_PER_M = float(1 << 20)  # resolution to which positions are rounded
+_CONTACT_PROBABILITY = 0.5  # minimum of a contact vertex
 
 
 @torch.no_grad()

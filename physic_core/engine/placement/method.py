@@ -106,8 +106,8 @@ class PlacementMethod:
     floor_weight: NotNegative = 1.0
     """Weight of the distance of the lower foot to the floor, for visible feet on a known floor; 0 disables it."""
     stance: bool = True
-    """Feet are pulled to the floor in proportion to the probability that they touch something
-    (:mod:`physic_core.engine.stance`); those of people in the air are not."""
+    """Whether feet are pulled to the floor in proportion to the probability that they touch something
+    (:mod:`physic_core.engine.stance`), and feet of people in the air not at all."""
 
     alignment: ClassVar[AlignmentOptions] = AlignmentOptions(POINTMAP_TOLERANCE)
 

@@ -20,7 +20,7 @@ from physic_core.geometry.camera import project
 from physic_core.types import Skeleton
 from physic_core.types.short_repr import ShortRepr
 
-_FARTHEST = 1e3  # times the estimated distance, that a body is placed at
+_FARTHEST = 1e3  # largest distance of a placed body, over the estimated distance
 
 
 @dataclass(frozen=True)

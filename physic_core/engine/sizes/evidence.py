@@ -1,7 +1,7 @@
 """Evidence of the scale of a scene: what one observation says of it, as a logarithm with its standard deviation.
 
-The sizes that the user knows are the most certain evidence, a usual size the least. People are evidence, too: each says
-a scale with the sigma of :mod:`.stature`, and since some of them are not adults, they vote in :mod:`.scale_vote`.
+The sizes that the user knows are the most certain evidence, a usual size the least. Each person also gives a scale,
+with the sigma of :mod:`.stature`. Since some people are not adults, they vote in :mod:`.scale_vote`.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class ScaleEvidence:
 
     @classmethod
     def by_known_size(cls, metres: float, shown: float) -> ScaleEvidence:
-        """Return what a known size says that the scene shows with another one."""
+        """Return the evidence of a known size, by the size that it has in the scene."""
         return cls(math.log(metres / shown), KNOWN_SCALE_SIGMA)
 
 
@@ -175,16 +175,16 @@ def _erode(mask: BoolArray) -> BoolArray:
     return np.asarray(cv2.erode(mask.astype(np.uint8), disc) > 0)
 
 
-_SURE, _SURE_IF_STATED = 0.9, 0.99  # that a metric depth is not wrong, without and with a stated error
+_SURE, _SURE_IF_STATED = 0.9, 0.99  # probability of a correct metric depth, without and with a stated error
 _NEAR = 0.3  # standard deviation of the logarithm of depth, of pixels that count as near the people
 
 
 def depth_witness(depth: DepthMap, scene: Pointmap, camera: Intrinsics, torsos: Witnesses) -> Witnesses | None:
-    """Return what a metric depth says of the scale of a relative scene; None if they have no pixel in common.
+    """Return the scale of a relative scene by a metric depth; None if they have no pixel in common.
 
-    It is the median of the ratio of both, in which the pixels near the people count most: an unknown shift of the
-    inverse depth makes the ratio another one elsewhere. A depth whose camera is estimated is that of sizes in px, and
-    proportional to the focal length.
+    It is the weighted median of the ratio of both. Pixels near the people have the largest weights, since an unknown
+    shift of the inverse depth changes the ratio elsewhere. With an estimated camera, the depth is inferred from sizes
+    in px, so it is proportional to the focal length.
 
     Args:
         depth: of the scene.

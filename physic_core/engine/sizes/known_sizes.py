@@ -1,4 +1,4 @@
-"""Point of a body at a pixel. OpenCV camera frame, metres."""
+"""Sizes that the user knows, measured on people and scene. OpenCV camera frame, metres."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One vote on the scale of a scene, and on the shift of its inverse depth, by all that has a known size.
+"""One vote on the scale of a scene, and on the shift of its inverse depth, by everything of known size.
 
 A scene of depth Z' in its own unit has the metric depth Z with 1 / Z = (1 / Z' + t) / s. A person at depth z, whom the
 scene alone would scale by m = z / Z', says s = m + t z. So people at different depths determine t as well: near people
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 _STEP = 0.01
 _LOGS = np.arange(math.log(1e-2), math.log(1e3), _STEP)
 _SHIFTS = np.linspace(-3.0, 3.0, 31)  # in standard deviations
-_WRONG_SIGMA = 0.5  # of the logarithm of the scale by a witness who is wrong
-_LEAST_DENSITY = 1 / float(_LOGS[-1] - _LOGS[0])  # of such a witness, who may say anything
-_SHARED_WRONG_SIGMA = 1.0  # of the logarithm of the scale, if what all witnesses of a kind share is wrong
+_WRONG_SIGMA = 0.5  # of the logarithm of the scale by a wrong witness
+_LEAST_DENSITY = 1 / float(_LOGS[-1] - _LOGS[0])  # of a wrong witness, which may state any scale
+_SHARED_WRONG_SIGMA = 1.0  # of the logarithm of the scale, if the quantity that all witnesses of a kind share is wrong
 _SIGMA_SHARE = 0.683  # of the probability within one standard deviation
 _SIGMA_DECIMALS = 6  # the last bits are those of a CPU's exponential function
 _FARTHEST_M = 1e4
@@ -39,12 +39,12 @@ class Witnesses:
     """N witnesses of one kind on the scale of a scene.
 
     Attributes:
-        scale: (N,) m, metres per unit of the scene; NaN for who says nothing.
+        scale: (N,) m, metres per unit of the scene; NaN for a witness without a statement.
         depth: (N,) z, metres; NaN if the shift does not matter.
         sigma: (N,) standard deviation of log(m) of each one alone.
         sure: (N,) probability that a witness is not wrong.
         shared_sigma: standard deviation of the error that all share.
-        shared_wrong: probability that what all share is wrong, as the depth of everyone in the map.
+        shared_wrong: probability that the quantity that all share is wrong, such as the depth of people in the map.
     """
 
     scale: FloatArray
@@ -72,12 +72,12 @@ class ScaleVote:
     reference: float
 
     def residuals(self, witnesses: Witnesses) -> FloatArray:
-        """Return by how much more than the answer witnesses say: (N,) logarithms, NaN for who says nothing."""
+        """Return log(stated scale / answer) of witnesses: (N,), NaN for a witness without a statement."""
         m = witnesses.scale + self.scale.shift * np.nan_to_num(witnesses.depth - self.reference)
         return np.asarray(np.log(np.maximum(m, 1e-3 * witnesses.scale)) - self.log_scale)
 
     def right(self, witnesses: Witnesses) -> FloatArray:
-        """Return the probability (N,) that witnesses are not wrong, at the answer; NaN for who says nothing."""
+        """Return the probability (N,) that witnesses are right; NaN for a witness without a statement."""
         away = self.residuals(witnesses)
         sigma = np.hypot(np.hypot(witnesses.sigma, witnesses.shared_sigma), self.scale.sigma or 0.0)
         right, wrong = (np.exp(-0.5 * (away / s) ** 2) / s for s in (sigma, np.hypot(_WRONG_SIGMA, sigma)))
@@ -91,11 +91,11 @@ def vote_on_scale(
     log_prior: Sequence[float] = (0.0,),
     shift_sigma: float = 0.0,
 ) -> ScaleVote | None:
-    """Return the posterior of the scale and of the floor; None if no witness says anything.
+    """Return the posterior of the scale and of the floor; None without a statement of a witness.
 
     Args:
-        kinds: witnesses who do not depend on the floor.
-        on_planes: for each of P candidates for the floor, kinds of witnesses who do.
+        kinds: witnesses that do not depend on the floor.
+        on_planes: kinds of witnesses that depend on the floor, for each of its P candidates.
         log_prior: (P,) of the candidates, nats.
         shift_sigma: standard deviation of the shift of inverse depth, 1 / unit; 0 if it is known.
     """
