@@ -214,7 +214,7 @@ class Backend(ABC, metaclass=_OptionsAsKeywords):
     infer: Callable[..., Any]  # each interface has arguments of its own
 
     def __init_subclass__(cls, **named: Any) -> None:
-        """Refuse a class whose ``reads`` names something that no backend of its interface is given."""
+        """Refuse a class with a name in ``reads`` that is neither an argument nor a hint of its interface."""
         super().__init_subclass__(**named)
         if cls.reads is None or not hasattr(cls, "Request"):  # a base class of several interfaces
             return

@@ -39,10 +39,10 @@ class MetricDepthRequest(Request[DepthMap]):
 class MetricDepth(Backend):
     """Estimates a metric depth map of the inpainted photo (paper: DepthPro).
 
-    A depth has a scale of its own, and counts beside the people and all else of known size: by its ``scale_sigma``, or
-    0.1 without one. The depth is multiplied so that it has the scale of all. A backend whose ``reads`` names "scale"
-    gets in ``hints.scale`` what the others say, and its depth is used as it is. A backend that needs people, and gets
-    none, raises NoPersonError: the depth is then that of the scene.
+    The scale of the depth is one vote on the scale of the scene, beside the people and everything else of known size.
+    Its sigma is ``scale_sigma``, or 0.1 without one. The depth is then multiplied to the scale of the vote. A backend
+    with "scale" in ``reads`` gets the vote of the others in ``hints.scale``, and its depth is used as it is. A backend
+    that needs people, and gets none, raises NoPersonError: the depth is then that of the scene.
     """
 
     interface = "metric_depth"

@@ -63,8 +63,8 @@ class Segmenter(Backend):
     def infer(self, image: UInt8Array) -> People:
         """Segment the people in an image, best score first; N = 0 without people.
 
-        Scores rank people and are reported; they need not be calibrated. Drop what is not a person: everybody who is
-        returned is reconstructed.
+        Scores rank people and are reported; they need not be calibrated. Leave out all but people: every
+        returned person is reconstructed.
 
         Example: a person in columns 2 and 3 and rows 5 to 9 has the box (2, 5, 4, 10), and ``mask[5:10, 2:4]`` holds
         all of the mask.

@@ -25,7 +25,7 @@ _FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
 
 _UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 _FOCAL_RANGE = (0.3, 15.0)  # of the long side: a 118 degree lens to a 4 degree one
-_MAX_FOCAL_BY_ONE = 6.0  # of the long side, by a 35 mm equivalent or a plausible sensor alone; beyond, by both
+_MAX_FOCAL_BY_ONE = 6.0  # of the long side; a longer one needs a 35 mm equivalent and a plausible sensor
 _SENSOR_MM = (4.0, 56.0)  # width, from small phones to medium format
 # Of the logarithms of two focal lengths: one is in whole mm, and sensors are a few % off their nominal size.
 _AGREEMENT = 0.1
@@ -53,9 +53,9 @@ def intrinsics_from_exif(
 
     The focal length is that of ``FocalLengthIn35mmFilm``, relative to the diagonal of the 36 x 24 mm frame, or
     otherwise of ``FocalLength`` and the resolution of the focal plane. Where both agree, the photo is as the camera
-    wrote it, since a crop or a resize changes only one of them. One alone counts unless the software is an editor or
-    the tagged pixel size is not the file's. The equivalent alone counts if the sides are those of a sensor: cameras
-    that crop photos to 16:9 or a square state the equivalent of the whole sensor.
+    wrote it, since a crop or a resize changes only one of them. A single one counts unless the software is an editor or
+    the tagged pixel size is not the file's. A single equivalent also needs the aspect of a sensor, since cameras that
+    crop photos to 16:9 or a square state the equivalent of the whole sensor.
 
     Args:
         tags: of the first IFD and of the Exif IFD, tag number -> value.

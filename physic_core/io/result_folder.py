@@ -2,8 +2,8 @@
 
 The document names the other files with their SHA-256, which tells files of a run from those that the user edited. It is
 moved away first and renamed last. Until the end, old and new document stay under temporary names, so that the next run
-knows the files of one that was killed. ``people.csv``, a row for each person, and ``report.html``, a page for a
-browser, are beside them.
+knows the files of a killed run. ``people.csv``, a row for each person, and ``report.html``, a page for a browser, are
+beside them.
 """
 
 from __future__ import annotations
@@ -252,7 +252,7 @@ def _document(path: Path) -> dict[str, Any] | None:
 
 
 def _files(document: Mapping[str, Any]) -> dict[str, str]:
-    """Return name -> digest of the files that a document lists; it can be of others."""
+    """Return name -> digest of the files that a document lists; the document is untrusted."""
     files = document.get("files")
     pairs = files.items() if isinstance(files, dict) else ()
     return {name: str(digest) for name, digest in pairs if os.path.basename(name) == name and name != DOCUMENT_FILE}

@@ -1,7 +1,7 @@
 """Write a reconstruction to a folder and read it back: a document, arrays, and pictures if wanted.
 
 ``reconstruction.json`` has all values, and the names and SHA-256 of the other files; it is written last and removed
-first, and :func:`read_record` reads it alone. ``reconstruction.npz`` has the arrays, by the names of
+first, and :func:`read_record` reads nothing else. ``reconstruction.npz`` has the arrays, by the names of
 :mod:`physic_core.files.plain`. docs/file-format.md describes both.
 """
 
@@ -130,7 +130,7 @@ def load_reconstruction(folder: str | os.PathLike[str]) -> Reconstruction:
     """Read a reconstruction that :func:`save_reconstruction` wrote, and check that its files are complete.
 
     Raises:
-        InputError: a file is missing, damaged, of another run, or of another version; the result has people alone.
+        InputError: a file is missing, damaged, of another run, or of another version; the result has only people.
     """
     document, arrays = _read(Path(folder))
     try:
@@ -142,7 +142,7 @@ def load_reconstruction(folder: str | os.PathLike[str]) -> Reconstruction:
             raise ValueError(f"image has the shape {arrays['image'].shape}, not that of the camera")
         result: Reconstruction = join(Reconstruction, document, _expanded(arrays, camera), sizes=sizes)
         _check_indices(result)
-    except Exception as error:  # whatever a dataclass raises for values of others
+    except Exception as error:  # dataclasses raise many classes for invalid values
         raise damaged(Path(folder), error) from error
     return result
 
@@ -196,7 +196,7 @@ def read_document(folder: Path) -> dict[str, Any]:
 def _document(reconstruction: Reconstruction, arrays: Arrays) -> dict[str, Any]:
     """Return the document of a result without its files, and add its arrays to ``arrays``.
 
-    People and scene have some entries that are for readers alone.
+    Some entries of people and scene are only for readers.
     """
     texts = {name: to_json(getattr(reconstruction, name)) for name in ("config", "diagnostics")}
     values = split(replace(reconstruction, **texts), arrays)
@@ -273,7 +273,7 @@ def damaged(path: Path, error: Exception) -> InputError:
     text = f"it has no {error.args[0]}" if isinstance(error, KeyError) else str(error)
     return InputError(
         f"cannot read {path}: {text[:300]}; run the reconstruction again"
-    )  # a library's may quote the file
+    )  # the message of a library may quote the file
 
 
 def _check_indices(result: Reconstruction) -> None:
@@ -399,6 +399,6 @@ def read_record(folder: Path) -> ResultRecord:
     document = read_document(folder)
     try:
         record: ResultRecord = join(ResultRecord, document, {})
-    except Exception as error:  # whatever a dataclass raises for values of others
+    except Exception as error:  # dataclasses raise many classes for invalid values
         raise damaged(folder, error) from error
     return record

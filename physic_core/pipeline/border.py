@@ -22,12 +22,12 @@ if TYPE_CHECKING:
     Inside = tuple[slice, slice]
 
 _MOST_SAMPLES = 500  # of a row, whatever the size of the photo
-_PLAIN = 8  # most levels by which a border varies, and a sky over a horizon by more
+_PLAIN = 8  # largest variation of a border, grey levels; a sky over a horizon varies more
 _STRAY = 0.002  # share of other pixels in a border
 _EDGE = 0.8  # share of columns with other pixels in the first rows of the photo: a head on a plain ground spans less
 _FIRST_PX = 16  # parts of one row may have the colour of the border, as bright sand has that of a white one
 _RINGING_PX = 16  # JPEG changes a border in the blocks that it shares with the photo
-_LEAST_BAR = 0.01  # of the side: less disturbs no network
+_LEAST_BAR = 0.01  # of the side; a narrower bar does not disturb networks
 _LEAST_INSIDE = 0.1  # of the area: the whole result has at most ten times the pixels of the picture inside
 _THINNEST = 0.1  # ratio of the sides of a picture inside
 

@@ -1,4 +1,4 @@
-"""Where the floor is, who stands on it, and how large everything is: asked once, before the metric depth.
+"""Find the floor, the feet that stand on it, and the scale of the scene, once, before the metric depth.
 
 The three questions have one answer. Each candidate for the floor has a score by its pixels
 (:mod:`physic_core.engine.floor`), each foot a probability to stand (:mod:`physic_core.engine.stance`), and with both,
@@ -164,9 +164,9 @@ def find_floor_and_scale(
 
 
 class _Seen(NamedTuple):
-    """N people and what the photo shows of their sizes: sigma (N,) of each one's, and visible feet (N, 2) bool.
+    """N people and the evidence of their sizes: sigma (N,) of each size, and visible feet (N, 2) bool.
 
-    ``real`` (N,) is the probability that they are people at all, as the segmenter says, and no children.
+    ``real`` (N,) is the probability that they are people, by the segmenter, and adults.
     """
 
     model: BodyModel
@@ -181,7 +181,7 @@ class _Seen(NamedTuple):
 
 
 def _people_seen(given: PeopleInScene, model: BodyModel) -> _Seen:
-    """Return people with their torsos as witnesses, and what is known of their stance before any floor."""
+    """Return people with their torsos as witnesses, and their stance before a floor is known."""
     import torch
 
     from physic_core.body.bones import rotations_from_parameters
@@ -215,7 +215,7 @@ def _people_seen(given: PeopleInScene, model: BodyModel) -> _Seen:
 
 
 def _stance_without_floor(given: PeopleInScene, observed: BoolArray) -> tuple[Stance, FloatArray]:
-    """Return what keypoints and depth say of the touch of N people, and how likely (N,) their depth is right."""
+    """Return the stance of N people by keypoints and depth, and the probability (N,) that their depth is right."""
     from physic_core.engine.placement.place import ObservedPeople
     from physic_core.engine.stance import (
         Stance,
@@ -247,9 +247,9 @@ def _sizes_of_people(given: PeopleInScene) -> tuple[FloatArray, FloatArray]:
 
 
 def _size_sigmas(given: PeopleInScene, stature: FloatArray, years: FloatArray) -> FloatArray:
-    """Return the standard deviation (N,) of the log size of each person, larger for those whom the photo shows less.
+    """Return the standard deviation (N,) of the log size of each person, larger for less visible people.
 
-    Shown are the side of the mask's area, and the confidence of shoulders, hips, knees and ankles.
+    Visibility is the square root of the mask's area, times the confidence of shoulders, hips, knees and ankles.
     """
     from physic_core.engine.sizes.stature import stature_sigmas
 
@@ -263,7 +263,7 @@ def _size_sigmas(given: PeopleInScene, stature: FloatArray, years: FloatArray) -
 
 
 class _OnPlane(NamedTuple):
-    """A candidate for the floor: score, scales (N, 2) by the soles, and the witnesses who depend on it."""
+    """A candidate for the floor: score, scales (N, 2) by the soles, and the witnesses that depend on it."""
 
     log_score: float
     by_soles: FloatArray
@@ -272,7 +272,7 @@ class _OnPlane(NamedTuple):
 
 
 def _on_plane(candidate: FloorCandidate, seen: _Seen) -> _OnPlane:
-    """Return what the feet and the camera say if the floor is a candidate."""
+    """Return the evidence of feet and camera if a candidate is the floor."""
     from physic_core.engine.floor import standing_score
     from physic_core.engine.sizes.evidence import USUAL_CAMERA_HEIGHT_M, USUAL_CAMERA_HEIGHT_SIGMA, scales_by_soles
     from physic_core.engine.sizes.scale_vote import Witnesses
@@ -294,7 +294,7 @@ def _on_plane(candidate: FloorCandidate, seen: _Seen) -> _OnPlane:
 
 
 def _usual_depth(scene: Pointmap) -> Witnesses:
-    """Return what the usual depth of scenes of people says of a scene."""
+    """Return the scale of a scene by the usual depth of scenes with people."""
     from physic_core.engine.sizes.evidence import USUAL_DEPTH_M, USUAL_DEPTH_SIGMA
     from physic_core.engine.sizes.scale_vote import Witnesses
 
@@ -324,7 +324,7 @@ def _guessed(scene: Pointmap, plane: Plane | None) -> tuple[SceneScale, str]:
 
 
 def _notes(vote: ScaleVote, soles: Witnesses, torsos: Witnesses, stands: BoolArray) -> tuple[str, ...]:
-    """Describe who voted on the scale, and who would give another one, if feet (N, 2) stand."""
+    """Describe the votes on the scale, and the people that contradict it; ``feet`` (N, 2) bool stand."""
     on_floor = np.isfinite(soles.scale) & stands.any(1)
     kind, voters = (soles, on_floor) if on_floor.any() else (torsos, np.isfinite(torsos.scale))
     by_torsos = f"body size of {_count_people(voters)}: soles on a visible floor would give it more exactly"

@@ -29,7 +29,7 @@ class Keypoints(ShortRepr):
             origin between the hips: what single-person pose networks call world landmarks.
         sigma: (N, J) px, standard deviation of each of a point's two coordinates, or None if the detector states none.
         depth_sigma: (N, J) metres, standard deviation of the depth (z) of ``world``, or None if the detector states
-            none. If it does, x and y of ``world`` are the points in metres, and say nothing that they do not say.
+            none. If it does, x and y of ``world`` are the points in metres, without further information.
     """
 
     points: FloatArray = field(metadata=PER_PERSON)

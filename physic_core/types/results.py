@@ -70,8 +70,8 @@ class Person(ShortRepr):
         vertices: (V, 3) float32.
         joints: (55, 3) float32.
         contact: (V,) bool.
-        distance: (V,) float32, signed distance to the scene, before inpainted points were moved out of people, or
-            the floor: negative inside, inf beyond the search radius.
+        distance: (V,) float32, signed distance to the floor, or to the scene before inpainted points were moved out of
+            people: negative inside, inf beyond the search radius.
         contact_probability: (V,) float16 in [0, 1], that the vertex touches anything; ``contact`` is this probability
             over ``[engine.contact] threshold``, or that of skin over ``skin_threshold``. None if the preset estimates
             none.
@@ -356,6 +356,6 @@ def _worst(checks: list[CheckResult]) -> float | None:
 
 
 def _public_function(name: str) -> Callable[..., Any]:
-    """Return a function of the package by its public name: a result imports none of what writes, draws and reads it."""
+    """Return a function of the package by its public name, so that this module imports no writer and no reader."""
     function: Callable[..., Any] = getattr(import_module(__name__.partition(".")[0]), name)
     return function

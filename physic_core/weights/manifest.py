@@ -172,7 +172,7 @@ class WeightSet:
 
     @property
     def needs_account(self) -> bool:
-        """Whether the files cannot be had without an account."""
+        """Whether getting the files requires an account."""
         return self.account and not self.mirrors
 
     def how_to_get(self) -> str:

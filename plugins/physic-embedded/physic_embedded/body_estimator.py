@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     BoolArray = NDArray[np.bool_]
     FloatArray = NDArray[np.floating]
 
-_MAX_APPARENT_BEND = 0.7  # radians that a knee of somebody who upright may seem to bend
-_BEND_SHARE = 0.35  # share of it that is taken to be true
+_MAX_APPARENT_BEND = 0.7  # radians by which a knee of an upright person may seem bent
+_BEND_SHARE = 0.35  # share of it that counts as real
 _ACCEPTED_RISE = 50.0  # of the fit's squared residuals, which uprightness may cost before it is halved
 _MAX_LEAN = 0.44  # radians; a larger lean is a misread floor or no stance
 _MIN_LEG_CONFIDENCE = 0.5  # of knees and ankles of a person who stands
 
 _ROTATION_SIGMA = {"pelvis": 0.39, "spine": 0.10, "hip": 0.47, "knee": 0.62, "shoulder": 0.70, "elbow": 0.84}
-"""Radians, standard deviations of rotations fitted to world landmarks; of the other joints no truth is known.
+"""Standard deviations, radians, of rotations fitted to world landmarks; other joints have no known truth.
 
 Measured against true joints: the pelvis on four photos of mpi_inf_3dhp, the others on 15 frames of parkour, of
 the films for fits. There the errors about two of three axes are 8 degrees for the spine, which has three joints, 22 for
@@ -40,11 +40,11 @@ class EmbeddedBodies(BodyEstimator):
     """Body estimator that fits the embedded body model to 2D keypoints and 3D landmarks of all people at once.
 
     With world landmarks the fit starts from them in closed form. Without, it starts from standing and sitting people
-    who face four ways, keeps the best, and leans on the pose prior: depths of limbs are then guesses. At last the
+    who face four ways, keeps the best, and leans on the pose prior: depths of limbs are then guesses. Finally, the
     outlines of bodies and masks are drawn together.
 
-    The errors of keypoints and landmarks are those that the detector states. Otherwise they are BlazePose's, and so is
-    what the floor mends: landmarks that lean towards the camera, and feet at different depths.
+    The errors of keypoints and landmarks are those that the detector states. Without them, BlazePose's errors are used,
+    and the floor corrects landmarks that lean towards the camera and feet at different depths.
     """
 
     written_for = 1
@@ -80,7 +80,7 @@ class EmbeddedBodies(BodyEstimator):
         and None without 3D landmarks, or with those of a detector that states errors of its own.
 
         Raises:
-            BackendError: the body is not loaded, or the joint set of the keypoints has no hips that bodies know.
+            BackendError: the body is not loaded, or the skeleton of the keypoints has no hips on the body.
         """
         import torch
 

@@ -53,7 +53,7 @@ class StaticContactOptions(Options):
 class StaticContact(ContactPrior):
     """Contact prior of fixed body parts: feet, thighs, buttocks, back and hands (PROX).
 
-    Body parts whose joints are not observed get probability 0, but for hands at a straight edge in the picture.
+    Body parts without observed joints get probability 0, except hands at a straight edge in the picture.
     """
 
     written_for = 1

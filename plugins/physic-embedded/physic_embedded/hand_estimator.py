@@ -41,8 +41,8 @@ class EmbeddedHandsOptions(Options):
 class EmbeddedHands(PackagedBackend, HandEstimator):
     """Hand estimator: detects MediaPipe hand landmarks near the wrist keypoints, and fits finger rotations to them.
 
-    The wrist tells the side of the hand. A hand that looks like one of the other side belongs to another person and is
-    not used.
+    The wrist determines the side of the hand. A hand that looks like one of the other side belongs to another person
+    and is not used.
     """
 
     written_for = 1

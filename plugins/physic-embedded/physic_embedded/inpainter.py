@@ -36,9 +36,9 @@ class MiGanOptions(Options):
 class MiGan(PackagedBackend, Inpainter):
     """MI-GAN inpainter for 512 px, trained on Places2. It runs on a crop around the hole, for any photo size.
 
-    The fill is sharp for holes up to about 512 px across and gets blurred above that. Where little but hole is left, it
-    is imagination. A hole that is much larger than the person invites invented figures, so dilate little: 0.4 to 1.2 %
-    of the photo's long side.
+    The fill is sharp for holes up to about 512 px across and gets blurred above that. With little known around the
+    hole, the fill is invented. A hole much larger than the person may be filled with an invented figure, so dilate
+    little: 0.4 to 1.2 % of the photo's long side.
     """
 
     written_for = 1
@@ -52,7 +52,7 @@ class MiGan(PackagedBackend, Inpainter):
         """Fill the mask (H, W), True = remove, in an image (H, W, 3); pixels outside the mask stay identical.
 
         Raises:
-            BackendError: the mask has another size, or leaves nothing to go by.
+            BackendError: the mask has another size, or covers the whole image.
         """
         return inpaint_masked(image, mask, self.options.rim, self._fill)
 

@@ -84,7 +84,7 @@ class EmbeddedKeypoints(PackagedBackend, KeypointDetector):
         x0, y0, x1, y1 = np.asarray(box, float)
         center = np.array([(x0 + x1 - 1) / 2, (y0 + y1 - 1) / 2])
         side = max(x1 - x0, y1 - y0, 1.0)
-        # A whole body about the middle of the box, should the detector see nobody there.
+        # A whole body around the middle of the box, if the detector finds none there.
         starts = [(RotatedSquare(center, 1.25 * side, 0.0), 3)]
         if y1 >= picture.height - 1:
             # The photo cuts the person off below: the box may be the upper half.

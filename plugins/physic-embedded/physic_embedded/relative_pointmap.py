@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 _DEPTH, _LINES = "depth_anything_v2_vits", "mlsd_large_512"
 _MIN_GAP = 0.002  # ranges of the disparity between infinity and the farthest point, so that depth stays finite
 _SKY_DISPARITY = 0.004  # ranges: the network answers 0 for the sky
-_MIN_RELIABLE_GAP = 0.01  # ranges: farther than this the network's own noise is larger than what it says
+_MIN_RELIABLE_GAP = 0.01  # ranges; beyond, the noise of the network is larger than its signal
 
 _SURE_FOCAL_SIGMA = 0.1  # of log focal length: up to it, vanishing points count as an estimate
 _PEOPLE_FARTHER = (0.180, 0.123)  # median and spread of 166 people on their feet in labelled photos
@@ -94,7 +94,7 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
     def infer(self, image: NDArray[np.uint8], hints: Hints) -> Pointmap:
         """Return points whose inverse depth is known up to scale and shift, with median depth 1.
 
-        Points farther than the network can tell, and those that hang between a near and a far surface, are not valid.
+        Points farther than the network resolves, and points between a near and a far surface, are not valid.
 
         Raises:
             BackendError: the networks are not loaded.

@@ -170,7 +170,7 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
         """Return SMPL bodies of N people, metres, camera frame.
 
         Raises:
-            BackendError: it is not loaded, or the network answers something else.
+            BackendError: it is not loaded, or the output of the network has another form.
         """
         self.network  # noqa: B018 -- raises an error if it is not loaded
         body = self._body

@@ -88,7 +88,7 @@ class CheckoutBackend(TorchBackend):
         self.checkout.close()
 
     def run(self, inputs: Mapping[str, NDArray[Any]]) -> list[FloatArray]:
-        """Run the network in batches, and return its joined outputs; none without rows, which it is not shown."""
+        """Run the network in batches, and return its joined outputs; none without rows, for which it is not run."""
         self.network  # noqa: B018 -- raises an error if it is not loaded
         if not len(next(iter(inputs.values()))):
             return []

@@ -97,7 +97,7 @@ class Nlf(TorchBackend, BodyEstimator):
         path = self.file()
         try:
             import torchvision  # noqa: F401 -- registers the operators that the file uses
-        except Exception as error:  # a build for another torch raises what it likes
+        except Exception as error:  # a file for another torch version can raise anything
             raise BackendError(f"{_NO_TORCHVISION} ({type(error).__name__}: {error})") from error
         network = open_torchscript(path, device)
         if not any(hasattr(network, name) for name in _METHODS):
@@ -123,7 +123,7 @@ class Nlf(TorchBackend, BodyEstimator):
         """Return bodies of N people, metres, camera frame.
 
         Raises:
-            BackendError: it is not loaded, or the network answers something else.
+            BackendError: it is not loaded, or the output of the network has another form.
         """
         network = self.network
         if not len(people):
@@ -141,7 +141,7 @@ class Nlf(TorchBackend, BodyEstimator):
 
         method = next(getattr(network, name) for name in _METHODS if hasattr(network, name))
         ltwh = np.concatenate([boxes[:, :2], boxes[:, 2:] - boxes[:, :2]], axis=1).astype(np.float32)
-        # uint8 and not floats: the network makes its own linear light of grey levels from 0 to 255.
+        # uint8, not floats: the network itself converts grey levels from 0 to 255 to linear light.
         pixels = torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1)))[None].to(self.device)
         with torch.no_grad():
             answer = method(

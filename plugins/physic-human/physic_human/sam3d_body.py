@@ -191,7 +191,7 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
         """Return bodies of N people of the model "mhr", metres, camera frame.
 
         Raises:
-            BackendError: it is not loaded, or it answers something else.
+            BackendError: it is not loaded, or its output has another form.
         """
         estimator = self.network
         if not len(people):
@@ -225,10 +225,10 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
         if uses_principal_point(estimator.cfg):
             camera[:2, 2] += 0.5  # it counts pixels from their edges
         else:
-            camera[:2, 2] = image.shape[1] / 2, image.shape[0] / 2  # where it takes it to be
+            camera[:2, 2] = image.shape[1] / 2, image.shape[0] / 2  # the principal point that it assumes
         with self._dinov3.activated(), self.inference():
             answer = estimator.process_one_image(
-                np.ascontiguousarray(image),  # RGB, as it wants arrays; only files it reads as BGR
+                np.ascontiguousarray(image),  # arrays are RGB; it reads only files as BGR
                 bboxes=boxes,
                 masks=np.ascontiguousarray(people.masks[rows]) if self.options.use_masks else None,
                 cam_int=torch.from_numpy(camera)[None],

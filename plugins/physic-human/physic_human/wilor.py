@@ -79,7 +79,7 @@ class Wilor(CheckoutBackend, HandEstimator):
         """Return the finger rotations of N people; confidence is that of the keypoints.
 
         Raises:
-            BackendError: it is not loaded, or the network answers something else.
+            BackendError: it is not loaded, or the output of the network has another form.
         """
         options = self.options
         found = hand_boxes(keypoints, least_confidence=options.least_confidence, least_size_px=options.least_size_px)

@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from .one_graph import LoadedGraph
 
 PATCH = 14  # px
-_SKY_SCORE = 0.3  # of Depth Anything 3, from here on it is sky
-_SATURATED = 0.98  # of the largest depth that a metric network can say
+_SKY_SCORE = 0.3  # of Depth Anything 3; above it is sky
+_SATURATED = 0.98  # of the largest depth that a metric network can predict
 _LARGEST = {"indoor": 20.0, "hypersim": 20.0, "outdoor": 80.0, "vkitti": 80.0}
 
 _PICTURE = PortSpec("pixel_values", ("image", "input", "l_x_"), shape=(None, 3, None, None))

@@ -85,10 +85,10 @@ def squeeze_map(values: NDArray[Any], what: str, file: str, *, may_be_flat: bool
         values: as the network gave it.
         what: name of the output.
         file: name of the network.
-        may_be_flat: whether one and the same number everywhere is an answer.
+        may_be_flat: whether a constant map is valid.
 
     Raises:
-        BackendError: it holds no map or several, no number, or one and the same number everywhere.
+        BackendError: it holds no map or several, no finite number, or a constant map.
     """
 
     shape = values.shape
@@ -134,7 +134,7 @@ def required_camera(hints: Hints, image: NDArray[Any], name: str) -> Intrinsics:
     """Return the camera for an image from ``hints``, or raise BackendError.
 
     Raises:
-        BackendError: none is known, and the network called ``name`` gives no metres without.
+        BackendError: no camera is known; the network called ``name`` needs one for metres.
     """
     from physic_core.adapters.canonical_depth import known_camera
 

@@ -28,7 +28,7 @@ DEFAULT_SIDE = 640
 """Input side for files of free size, px."""
 
 PERSON = 0
-"""Class index of people in COCO's 80 classes, and in lists of people alone."""
+"""Class index of people in COCO's 80 classes, and in lists of only people."""
 
 _FRAME = (None, 3, None, None)
 SIGNATURES: Mapping[str, GraphSignature] = {
@@ -71,11 +71,11 @@ class Detector:
         Args:
             image: RGB.
             score: threshold of a person.
-            overlap: boxes that share more (intersection over union) are one person's, where the network itself does
-                not choose.
+            overlap: boxes with a larger intersection over union are one person; unused by networks that merge boxes
+                themselves.
 
         Raises:
-            BackendError: the network answers what this signature does not know.
+            BackendError: the output does not match the signature.
         """
         from physic_core.adapters.people import Detections, clip_boxes, nms
 

@@ -1,8 +1,8 @@
 """Estimate MHR bodies with InstantHMR (2026), small networks that were trained on bodies of SAM 3D Body.
 
 They return the parameters of a body, its place in a camera of their own, and, but for the newest, 70 keypoints in 3D.
-The principal point of that camera is the photo's centre. Its focal length is the photo's diagonal, or, for files whose
-metadata say ``cliff_focal``, the one that they are told; they get the box as angles then. The place is converted to the
+The principal point of that camera is the photo's centre. Its focal length is the photo's diagonal. Files with
+``cliff_focal`` in their metadata get the focal length as input, and the box as angles. The place is converted to the
 pipeline's camera, where the hips project to the same pixel and have the same size. Checked against
 instanthmr/inference.py of mohamdev/InstantHMR at b29e7d7, and its description of ``--cliff-focal``.
 """
@@ -53,7 +53,7 @@ class InstantHmrOptions(BatchOptions):
 class InstantHmr(OnnxBackend, BodyEstimator):
     """Body estimator: MHR bodies by InstantHMR, with mesh and rotations if the body model MHR is named.
 
-    Without it, bodies are joints alone, and all rotations are zero.
+    Without it, bodies are only joints, and all rotations are zero.
     """
 
     written_for = 1
@@ -92,7 +92,7 @@ class InstantHmr(OnnxBackend, BodyEstimator):
         """Match an open network.
 
         Raises:
-            BackendError: it is of no known form, or returns no joints, and no body model is named.
+            BackendError: its form is unknown, or it returns no joints and no body model is named.
         """
         loaded = super().match(network)
         if not loaded.has_output("joints_3d") and not self.options.mhr:

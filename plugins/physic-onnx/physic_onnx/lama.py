@@ -1,8 +1,8 @@
 """Remove people from a photo with LaMa in any of its three published formats.
 
-A network of fixed input size fills a hole the sharper, the smaller the crop. Measured with MI-GAN on ten pairs of holes
-in five photos, against the full photo squashed to 512 px: detail 0.40 of the true image's in place of 0.28 with crops
-twice as wide as their hole (0.50 at 1.5, 0.28 at 3), at the same error (15.2 dB).
+With a fixed input size, a smaller crop gives a sharper fill. Measured with MI-GAN on ten pairs of holes in five photos,
+against the full photo squashed to 512 px: detail 0.40 of the true image's in place of 0.28 with crops twice as wide as
+their hole (0.50 at 1.5, 0.28 at 3), at the same error (15.2 dB).
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class Lama(OnnxBackend, Inpainter):
     """LaMa inpainter: takes RGB from 0 to 1, and a mask that is 1 in the hole.
 
     ONNX files of a fixed size (512 px) fill one crop a hole; files of any size, as TorchScript's, see the whole photo.
-    It fills what the mask covers: shadows and mirror images of who is removed stay.
+    It fills only the mask: shadows and mirror images of removed people stay.
     """
 
     written_for = 1
@@ -96,7 +96,7 @@ class Lama(OnnxBackend, Inpainter):
 
         Raises:
             InputError: the image is not a valid photo.
-            BackendError: the mask has another size or leaves nothing to go by, or load() was not called.
+            BackendError: the mask has another size or covers the whole image, or load() was not called.
         """
         from physic_core.adapters.pictures import inpaint_masked
 
@@ -136,7 +136,7 @@ class Lama(OnnxBackend, Inpainter):
         padded = (square, square) if square is not None else tuple(-(-n // MULTIPLE) * MULTIPLE for n in inner)
         margins = [(0, total - n) for total, n in zip(padded, inner, strict=True)]
         small = resize_image(image, *inner, "area" if scale < 1 else "bicubic")
-        # A pixel of which a part is hole is hole: its colour is partly that of who is removed.
+        # A pixel that is partly hole counts as hole, since its colour is partly that of the removed person.
         covered = resize_image(hole.astype(np.float32), *inner, "area" if scale < 1 else "bilinear") > 0
         frame = normalized_nchw(np.pad(small, [*margins, (0, 0)], mode="symmetric"))
         covered = np.pad(covered, margins, mode="symmetric")
@@ -155,7 +155,7 @@ def _back(scale: float) -> Any:
 def _to_grey_levels(answer: FloatArray, shown: FloatArray) -> float:
     """Return 255 for outputs from 0 to 1 and 1 for grey levels, by comparing known pixels with the input.
 
-    The files are of one contract but for this. LaMa hands through what is known of the picture, which tells.
+    Published files differ only in this. LaMa copies the known pixels to its output, so they show the range.
     """
 
     if not len(answer):
@@ -238,7 +238,7 @@ def hole_crops(hole: BoolArray, context: float, least: int) -> list[tuple[BoolAr
         groups[i] += groups.pop(j)
         boxes[i] = _around(boxes[i], boxes.pop(j))
     order = np.argsort([-(b[1] - b[0]) * (b[3] - b[2]) for b in boxes], kind="stable")
-    # A hole beside a large one is better filled first: it is then something to go by.
+    # A small hole beside a large one is filled first, so that it is context for the large one.
     return [(np.isin(piece, groups[i]), _crop(boxes[i], hole, context, least)) for i in order[::-1]]
 
 

@@ -2,7 +2,7 @@
 
 The file takes a shape (45), parameters of pose and size (204) and an expression (72). It returns vertices in
 centimetres and, for each of its 127 joints, place, rotation as a quaternion x y z w, and scale; y is up. Its body at
-rest has raised arms (A-pose). What is known of it was read in code that runs it; no published file was run here.
+rest has raised arms (A-pose). This was read in code that runs it; no published file was run here.
 """
 
 from __future__ import annotations

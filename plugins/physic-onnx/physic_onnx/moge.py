@@ -74,7 +74,7 @@ class _Moge(NetworkBackend):
         """Return the points of a photo on the rays of the known or the estimated camera.
 
         Raises:
-            BackendError: the backend is not loaded, or the network answers nothing that can be used.
+            BackendError: the backend is not loaded, or the output of the network is unusable.
         """
         height, width = image.shape[:2]
         raw = self.runner.run(self.network, image, self.options.tokens)
@@ -123,8 +123,8 @@ class Moge2Pointmap(_Moge, RelativePointmap):
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
         """Predict the relative point map of an image (H, W, 3), and its camera.
 
-        The shift along z is found with the focal length, so that only a scale is left unknown; where a flat scene
-        tells neither, the shift is left unknown too.
+        The shift along z is found with the focal length, so that only a scale is left unknown; for a flat scene that
+        determines neither, the shift stays unknown too.
 
         Raises:
             BackendError: it is not loaded, or sees no surface at all.

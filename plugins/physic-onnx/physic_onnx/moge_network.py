@@ -44,7 +44,7 @@ SIGNATURES = {
 _PATCH = 14  # px
 _LEAST_SHARE = 0.85  # of the tokens
 _MOST_SQUASH = 0.01  # by which the aspect may change, as a logarithm
-_CACHE_SIZE = 2  # photos: the inpainted one is asked about again after the original
+_CACHE_SIZE = 2  # photos; the output for the inpainted one is needed again after the original
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ def network_input_size(height: int, width: int, tokens: int) -> tuple[int, int, 
 
 @dataclass(frozen=True, eq=False)
 class OpenMoge:
-    """Open MoGe-2; the last backend that lets go of it closes it.
+    """Open MoGe-2, closed by the last backend that releases it.
 
     Attributes:
         identity: file and device.

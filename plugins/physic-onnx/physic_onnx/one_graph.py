@@ -31,10 +31,10 @@ class PortSpec:
     Attributes:
         name: what the adapter calls it, and the published file too.
         aliases: what other exports call it.
-        dtype: "float32", "int64", ...; "float" for any float type; several that are all fine.
-        shape: a number where the size must be that, or free in the file; a name or None where it may be anything;
-            None in place of the whole shape where the rank does not matter either.
-        optional: whether a file without it is fine; an input that is not fed must not be there.
+        dtype: "float32", "int64", ...; "float" for any float type; or several of these.
+        shape: a number for a size that the file has or leaves free; a name or None for any size; None in place of the
+            shape for any rank.
+        optional: whether a file may lack it; a file must not have an input that is not fed.
     """
 
     name: str
@@ -206,7 +206,7 @@ class OnnxBackend(NetworkBackend):
     """Base class of a backend that runs a single ONNX file.
 
     Attributes:
-        signatures: name -> the inputs and outputs of that form of the file, most telling first.
+        signatures: name -> the inputs and outputs of that form of the file, most specific first.
     """
 
     signatures: ClassVar[Mapping[str, GraphSignature]]
@@ -225,7 +225,7 @@ class OnnxBackend(NetworkBackend):
         """Match the inputs and outputs of an open network to the known signatures.
 
         Raises:
-            BackendError: it is of no known form.
+            BackendError: its form is unknown.
         """
         return LoadedGraph(network, *match_signature(network, self.signatures))
 

@@ -42,7 +42,7 @@ LIMB_LENGTHS_M = {
 }
 """Lengths in the embedded body of mean shape, metres."""
 STATURE_M = 1.72
-"""Of a mean adult."""
+"""Stature of a mean adult, metres."""
 
 
 class RtmPoseOptions(TopDownOptions):
@@ -82,7 +82,7 @@ class RtmPose(TopDownKeypoints):
     }
 
     def bgr(self) -> bool:
-        """Return whether the option says so."""
+        """Return whether the option ``channels`` is "bgr"."""
         return self.options.channels == "bgr"
 
     def decode(self, crops: FloatArray) -> tuple[FloatArray, FloatArray, tuple[int, int]]:

@@ -109,7 +109,7 @@ class Sam2Networks:
         signature: one of ENCODERS.
 
     Raises:
-        BackendError: they are not what they should be, or are of two exports.
+        BackendError: one does not match its signature, or they are of different exports.
     """
 
     def __init__(self, encoder: Network, decoder: Network) -> None:
@@ -154,8 +154,8 @@ class Sam2Networks:
     ) -> tuple[FloatArray, FloatArray]:
         """Predict three masks of the object in a box (4,) that contains ``inside`` (P, 2) and not ``outside`` (Q, 2).
 
-        Points without any box are not asked for. An export by which they can be asked joins them with an array of no
-        boxes, and onnxruntime leaves the place of three tokens as it finds it: with whatever was in memory.
+        Points without a box are not supported. The export that accepts them joins them with an empty array of boxes,
+        and onnxruntime then leaves three tokens uninitialised.
 
         Returns:
             (3, h, w) logits of the photo resized to a square, and (3,) predicted quality.
@@ -169,7 +169,7 @@ class Sam2Networks:
     def _corners(self, photo: EncodedImage, boxes: FloatArray) -> FloatArray:
         """Convert boxes (N, 4) in photo px to corner points (N, 2, 2) in px of the square."""
 
-        # The network was trained with the first and the last pixel of what is meant.
+        # The network was trained with the first and the last pixel of the object.
         return photo.to_input_pixels(np.asarray(boxes, np.float64).reshape(-1, 2, 2) - [[0, 0], [1, 1]])
 
     def _ask(
@@ -193,7 +193,7 @@ class Sam2Networks:
         if points is not None:
             prompt, labels = points[0][None, None], points[1][None, None]
         else:
-            # Not every provider takes arrays without elements; a point that is none says nearly the same.
+            # Not every provider takes empty arrays; a padding point has nearly the same effect.
             none = 0 if self._decoder.provider in ("CPU", "CUDA") else 1
             prompt = np.zeros((1, len(corners), none, 2))
             labels = np.full((1, len(corners), none), NOTHING)
@@ -231,7 +231,7 @@ def open_sam2(folder: Path, options: OnnxOptions, device: str, variant: str = ""
     """Open the encoder and the decoder in a folder.
 
     Raises:
-        BackendError: they are not there, or not what they should be.
+        BackendError: a file is missing, or does not match its signature.
         DeviceError: the device is not there.
     """
     from .sessions import open_network
@@ -244,7 +244,7 @@ def find_sam2_files(folder: Path, variant: str = "") -> tuple[Path, Path]:
     """Find the encoder file and the decoder file in a folder or below it.
 
     Args:
-        folder: that holds them under whatever names hold the words "encoder" and "decoder".
+        folder: holds them, under names with the words "encoder" and "decoder".
         variant: such as "fp16", of the encoder; empty for the plain one.
 
     Raises:
@@ -261,5 +261,5 @@ def find_sam2_files(folder: Path, variant: str = "") -> tuple[Path, Path]:
         raise BackendError(
             f"SAM 2 is two files, an encoder and a decoder, and {folder} has not {lack}; its files of networks: {there}"
         )
-    # Variants have longer names than what they are variants of.
+    # A variant has a longer name than the plain file.
     return min(wanted, key=lambda p: len(p.name)), min(decoders, key=lambda p: len(p.name))

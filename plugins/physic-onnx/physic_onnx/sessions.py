@@ -26,7 +26,7 @@ ProviderName = Literal["auto", "cpu", "cuda", "tensorrt", "coreml", "directml"]
 class OnnxOptions(Options):
     """Base class of the settings of backends that run ONNX files: provider and threads.
 
-    Files in half precision are taken as they come: what is fed is cast to the type that the file asks for.
+    Inputs are cast to the type that the file states, such as half precision.
     """
 
     provider: ProviderName = Field(

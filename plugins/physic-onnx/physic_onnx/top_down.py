@@ -59,16 +59,16 @@ class TopDownKeypoints(OnnxBackend, KeypointDetector):
             crops: (N, 3, h, w) float32, normalised; N > 0.
 
         Returns:
-            Points (N, J, 2) on a grid that covers the crop, scores (N, J), and rows and columns of the grid. With a
-            third column, what :meth:`complete` needs.
+            Points (N, J, 2) on a grid that covers the crop, scores (N, J), and rows and columns of the grid. Further
+            columns hold the input of :meth:`complete`.
         """
 
     def complete(self, found: Keypoints, decoded: FloatArray, crops: Sequence[Crop]) -> Keypoints:
-        """Add to keypoints of N > 0 people what else was decoded."""
+        """Add the other decoded values to keypoints of N > 0 people."""
         return found
 
     def bgr(self) -> bool:
-        """Return whether the network is shown blue as red."""
+        """Return whether the network gets the channels in the order BGR."""
         return False
 
     def alignment(self) -> PixelAlignment:
@@ -79,7 +79,7 @@ class TopDownKeypoints(OnnxBackend, KeypointDetector):
         """Match an open network and find its number of joints; a file that does not state it is run once.
 
         Raises:
-            BackendError: it is of no known form, or has joints of no known skeleton.
+            BackendError: its form or its skeleton is unknown.
         """
         loaded = self._network = super().match(network)
         stated = (*next(iter(loaded.ports.outputs.values())).shape, "", "")[1]

@@ -66,7 +66,7 @@ class VitPose(TopDownKeypoints):
     }
 
     def alignment(self) -> PixelAlignment:
-        """Return that of COCO's 17 joints, or of MMPose's affine."""
+        """Return the alignment of unbiased data processing for COCO's 17 joints, else that of MMPose's affine."""
         return "corners" if self._joints == 17 else "halves"
 
     def decode(self, crops: FloatArray) -> tuple[FloatArray, FloatArray, tuple[int, int]]:

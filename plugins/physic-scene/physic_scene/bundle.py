@@ -59,7 +59,7 @@ class BundleSettings:
     Attributes:
         keypoint: factor on the measured errors of keypoints.
         outlier: beyond this many expected sizes, a residual counts as an outlier. 0.7 gives the least errors of
-            directions of twelve worlds, and makes the stated uncertainty theirs; 1.0 and 1.5 have larger ones.
+            directions on twelve worlds, and stated uncertainties that match them; 1.0 and 1.5 have larger errors.
         steps: most steps at each of ``rounds``.
         rounds: factors on ``outlier``, one after the other, so that a rough start can converge.
     """
@@ -72,9 +72,9 @@ class BundleSettings:
 
 SOLVED_CAMERAS = BundleSettings()
 KNOWN_CAMERAS = BundleSettings(keypoint=0.25, outlier=3.0)
-"""For the points of known cameras. The measured errors, of worlds, are those of people to whom cameras are fitted; with
-``keypoint`` 1, points of four photos follow bodies where keypoints know better. Of two moments of a rig, 0.25 and 0.15
-with 3 sigmas reproject best into a photo that is left out."""
+"""Settings for the points of known cameras. The errors measured on worlds are those of people to whom cameras are
+fitted. With ``keypoint`` 1, points of four photos follow the bodies, although the keypoints are more accurate. On two
+moments of a rig, 0.25 and 0.15 with 3 sigmas reproject best into a photo that is left out."""
 
 
 @dataclass(frozen=True)

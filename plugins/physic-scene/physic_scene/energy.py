@@ -37,7 +37,7 @@ until they fit cameras that do not agree: 35 instead of 31 mm PA-MPJPE on eight 
 
 @dataclass(frozen=True, eq=False)
 class OtherViews(ShortRepr):
-    """What the photos alone say of N people, and of the floor.
+    """Results of the single photos on N people and the floor.
 
     Attributes:
         placed: (N,) bool, people whose place several photos show.
@@ -60,7 +60,7 @@ class ViewsScene(SceneMethod):
     """Stage 1 of preset "default", with the floor where all photos put it."""
 
     views: OtherViews | None = None
-    """What other cameras show."""
+    """Evidence of the other cameras."""
 
     def place_on_rays(self, points: Tensor, valid: Tensor, cameras: Cameras) -> tuple[Tensor, Tensor]:
         """Return the metric points (H, W, 3), moved along their rays as the floor moves, and the camera (3, 3)."""
@@ -88,7 +88,7 @@ class ViewsPlacement(PlacementMethod):
     """Stage 2 of preset "default", which does not move people whose place several photos show."""
 
     views: OtherViews | None = None
-    """What other cameras show."""
+    """Evidence of the other cameras."""
 
     def finish(self, person: PlacementProblem, fit: Fit) -> Tensor:
         """Return x (4,), without a translation for people of known place."""
@@ -105,7 +105,7 @@ class ViewsContact(ContactMethod):
     """Stage 4 of preset "default", with the mean probability over the solution and all photos alone."""
 
     views: OtherViews | None = None
-    """What other cameras show."""
+    """Evidence of the other cameras."""
     views_threshold: float = 0.4
     """Least mean probability of a vertex in contact. 0.4 has the best F1 of four worlds with four views; 0.35 has 0.01
     less."""

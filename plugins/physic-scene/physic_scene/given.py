@@ -41,7 +41,7 @@ class SolvedBodies(BodyEstimator):
 
 
 class SolvedDepth(MetricDepth):
-    """Returns the depth of the reference photo at the scale of all photos, on which nothing votes again."""
+    """Returns the depth of the reference photo at the scale of all photos, which is not voted on again."""
 
     reads = ("scale",)
     _depth: DepthMap

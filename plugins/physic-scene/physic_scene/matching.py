@@ -1,9 +1,9 @@
-"""Who is who: people of several photos matched by the energy of the cameras that each answer gives.
+"""Match the people of several photos by the energy of the cameras that each answer gives.
 
 The user says that the photos are of one moment, so that two of them always have a best answer. Pose, stature and
-clothes of a pair of people order the first guesses. Each guess gives a motion between the cameras, and the motion the
-other people who then are in the same place. The bundle adjustment of these people decides between the answers: half of
-its energy, less the worth of each matched person, and what their clothes differ by.
+clothes of a pair of people order the first guesses. Each guess gives a motion between the cameras, and the motion
+brings further people into the same place. The bundle adjustment of these people decides between the answers: half of
+its energy, plus the cost of different clothes, minus a bonus for each matched person.
 
 Over more photos, each pair of people has odds: the best answer of their two photos in which they are the same person
 against the best one in which they are not. The surest pairs are joined first, as long as the photos of both sides
@@ -38,7 +38,7 @@ _WORTH = 40.0
 answers cost 10 to 40. 25 and 40 join as many pairs by the right people, with 33 and with 55 right and 4 and 4 wrong
 people."""
 _CLOTHES = 3.0
-"""What a difference of the chroma of clothes costs, per CIELAB unit. With 3, 26 of 30 pairs of photos have the right
+"""Cost of a difference of the chroma of clothes, per CIELAB unit. With 3, 26 of 30 pairs of photos have the right
 people; without, 21."""
 _CLOTHES_MOST = 36.0
 """Largest cost of the clothes of one person: that of 12 units, which light of two colours makes."""
@@ -53,7 +53,7 @@ Pairs = tuple[tuple[int, int], ...]
 
 @dataclass(frozen=True)
 class PairMatch:
-    """The best answer to who is who in two photos.
+    """Best answer for the people of two photos.
 
     Attributes:
         pairs: (person of the first, person of the second) of each matched pair.
@@ -125,8 +125,8 @@ def _answers(
 def join_tracks(people: Sequence[PhotoPeople], matches: Mapping[tuple[int, int], PairMatch]) -> IntArray:
     """Join matches of pairs of photos to people over all photos; no photo shows a person twice.
 
-    Two groups of views of a person are joined if the odds of all their pairs together say so, the surest first. Photos
-    that nobody joins then are joined by their likeliest pair, since they are of one moment.
+    Two groups of views of a person are joined if the summed log odds of all their pairs are positive, the largest
+    first. Photos without a common person are then joined by their likeliest pair, since they are of one moment.
 
     Args:
         people: of each photo.

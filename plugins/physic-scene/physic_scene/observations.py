@@ -82,7 +82,7 @@ def observe(
     statures: FloatArray,
     pose: FloatArray | None = None,
 ) -> PhotoPeople:
-    """Return what one photo says about its people.
+    """Return the observations of one photo and its people.
 
     Args:
         result: of the photo alone.

@@ -1,4 +1,4 @@
-"""Everybody in the result: the people of the reference photo, then those whom only other photos show."""
+"""All people of the result: those of the reference photo, then those whom only other photos show."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ class PersonOfScene(ShortRepr):
 def people_of_scene(solved: SolvedScene, model: BodyModel) -> tuple[PersonOfScene, ...]:
     """Return the people in the order of the result.
 
-    Somebody whom one photo alone shows, and not the reference, is in the result if no other photo shows anybody like
-    them in their place: without a match, they may be a person of another photo.
+    A person whom only one photo shows, and not the reference, is in the result if no other photo shows a similar person
+    in the same place, who may be the same one.
     """
     reference, photos = solved.reference, solved.photos
     matched = [
@@ -59,7 +59,7 @@ def people_of_scene(solved: SolvedScene, model: BodyModel) -> tuple[PersonOfScen
 
 
 def _of_one_photo(solved: SolvedScene, model: BodyModel) -> Iterator[PersonOfScene]:
-    """Yield people whom one photo but the reference shows, who are unlike everybody else."""
+    """Yield people whom only one photo shows, not the reference, and who resemble no other person."""
     photos = solved.photos
     accepted: list[tuple[int, int]] = []
     for v, photo in enumerate(photos):
@@ -72,10 +72,10 @@ def _of_one_photo(solved: SolvedScene, model: BodyModel) -> Iterator[PersonOfSce
 
 
 def _may_be_same(solved: SolvedScene, person: tuple[int, int], other: int, accepted: Sequence[tuple[int, int]]) -> bool:
-    """Return whether a person (photo, row) is where another photo has somebody.
+    """Return whether another photo has a person in the place of a person (photo, row).
 
-    Somebody whom both photos show is another person; of people whom the other photo alone shows, those of the reference
-    photo and accepted ones count, since the others are not in the result.
+    People whom both photos show do not count, since they are others. Of people whom only the other photo shows, those
+    of the reference photo and accepted ones count, since the others are not in the result.
     """
     known, (v, row) = solved.rows, person
     one, two = (solved.photos[view].people for view in (v, other))

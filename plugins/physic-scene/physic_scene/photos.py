@@ -1,4 +1,4 @@
-"""The photos of a moment as they are given, which of them take part, and who is who in them."""
+"""The photos of a moment as given, the choice of those that take part, and the matched people in them."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class ChosenPhotos(ShortRepr):
 
 
 def choose_photos(photos: Sequence[ScenePhoto], skipped: Sequence[SkippedPhoto] = ()) -> ChosenPhotos:
-    """Return the photos that show people, and who is who in them.
+    """Return the photos that show people, with the people matched.
 
     Args:
         photos: all that have a result.

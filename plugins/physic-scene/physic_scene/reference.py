@@ -58,7 +58,7 @@ class ReferenceInput(ShortRepr):
         scores: (N,) of the best detection of each person.
         depth: of its scene, at the solved scale.
         views: what the other photos show of these people.
-        alone: what all photos alone say of their contact, and of the floor.
+        alone: results of the single photos on their contact and on the floor.
         statures: (N,) metres, known ones, NaN where unknown.
         ages: (N,) years, known ones, NaN where unknown; None if no age is known.
     """
@@ -193,7 +193,7 @@ def scene_scales(solved: SolvedScene) -> FloatArray:
 def _contact(solved: SolvedScene, people: Sequence[PersonOfScene], model: BodyModel) -> tuple[FloatArray, FloatArray]:
     """Return the summed probability of contact (N, V) of the photos alone that show a person, and their number.
 
-    Both are 0 for a person whom the reference photo alone shows, and where a photo alone has no probabilities.
+    Both are 0 for a person whom only the reference photo shows, and if the single photos have no probabilities.
     """
     photos = solved.photos
     total, count = np.zeros((len(people), model.num_vertices)), np.zeros(len(people))
@@ -207,7 +207,7 @@ def _contact(solved: SolvedScene, people: Sequence[PersonOfScene], model: BodyMo
 
 
 def _is_placed(person: PersonOfScene, solved: SolvedScene) -> bool:
-    """Return whether the place of a person is that of other photos than the reference alone."""
+    """Return whether other photos than the reference determine the place of a person."""
     return set(person.shown) != {solved.reference}
 
 
@@ -290,7 +290,7 @@ def _observed(keypoints: Keypoints, size: tuple[int, ...]) -> BoolArray:
 
 
 def _alone(solved: SolvedScene, people: Sequence[PersonOfScene], model: BodyModel) -> OtherViews:
-    """Return what all photos alone say of everybody in the result, and of the floor."""
+    """Return the results of the single photos on all people of the result and on the floor."""
     contact, count = _contact(solved, people, model)
     floors = _floors(solved, model)
     return OtherViews(

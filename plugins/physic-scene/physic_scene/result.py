@@ -69,7 +69,7 @@ def _known_cameras(solved: SolvedScene) -> list[str]:
 
 
 def _solved_views(solved: SolvedScene) -> list[SolvedView]:
-    """Return what contradicts the cameras may be measured on."""
+    """Return the photos in the form on which the cameras are checked."""
     found = []
     for v, (photo, camera) in enumerate(zip(solved.photos, solved.intrinsics, strict=True)):
         floor, size = photo.result.scene.floor, (camera.width, camera.height)

@@ -1,7 +1,7 @@
 """Cameras and people of the chosen photos: start, bundle adjustment, and one body for each person.
 
-A person is taken to be the same in all photos; whoever does not fit has moved, and a photo that most people do not fit
-is left out.
+A person is assumed to hold still between photos. A person who does not fit has moved, and a photo that most people do
+not fit is left out.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ def solve_scene(chosen: ChosenPhotos, model: BodyModel) -> SolvedScene:
 
 @dataclass(frozen=True)
 class _Adjusted:
-    """Cameras and points of the people who are taken to hold still, and the errors (V, P) of their keypoints."""
+    """Cameras and points of the people assumed to hold still, and the errors (V, P) of their keypoints."""
 
     reference: int
     observations: MomentObservations
@@ -118,7 +118,7 @@ class _Adjusted:
 
 
 def _solution(chosen: ChosenPhotos, moved: Sequence[str], found: _Adjusted, model: BodyModel) -> SolvedScene:
-    """Return the solution at the scale that people's sizes tell, with one body for each person."""
+    """Return the solution at the scale of people's sizes, with one body for each person."""
     sigmas = uncertainties(found.observations, found.bundle, found.reference)
     scale, scale_sigma = _scale(found.observations, found.bundle)
     bundle, photos, rows = found.bundle.scaled(scale), chosen.photos, chosen.rows
@@ -174,8 +174,9 @@ def _scale(observations: MomentObservations, bundle: Bundle) -> tuple[float, flo
     """Return the factor on all lengths by the sizes of people, and the standard deviation of its logarithm.
 
     Each person votes once, by known stature or by the mean size in the photos alone: errors of one person's stature
-    have common causes. These sizes hold what each photo alone knows of its scale, such as soles on its floor. Distances
-    in the photos follow from them and from focal lengths, whose errors are stated apart. Known cameras have a scale.
+    have common causes. These sizes include the evidence of each photo on its scale, such as soles on its floor.
+    Distances in the photos follow from them and from focal lengths, whose errors are stated apart. Known cameras have a
+    scale.
     """
     if observations.known.any():
         return 1.0, 0.0

@@ -1,4 +1,4 @@
-"""What contradicts the solved cameras, of each photo: shown, not refused, since the user says that it is one moment.
+"""Checks of each photo against the solved cameras. A failure is shown, not refused: the user states one moment.
 
 The bounds were chosen on 30 pairs of photos of a rig, and on 30 pairs of photos of that rig and of another one.
 """
@@ -131,7 +131,7 @@ def _check(photo: str, name: str, value: float | None, advice: str, unmeasured: 
 
 
 def _costs(views: Sequence[SolvedView], rows: IntArray) -> Mapping[tuple[int, int], float]:
-    """Return what the people cost, on average, of each two photos that share people."""
+    """Return the mean cost of the people of each pair of photos that share people."""
     found = {}
     for a, b in itertools.combinations(range(len(views)), 2):
         pairs = tuple((int(row[a]), int(row[b])) for row in rows if row[a] >= 0 and row[b] >= 0)

@@ -94,7 +94,7 @@ def _fetch_file(weights: WeightSet, file: WeightFile, folder: Path, *, in_folder
             try:
                 found = _from_place(file, place, Path(scratch))
                 break
-            except Exception as error:  # of two libraries and of HTTP clients that depend on their versions
+            except Exception as error:  # two libraries and their HTTP clients raise many classes
                 errors.append((place, error))
         else:
             homepage = f"; see {weights.homepage}" if weights.homepage else ""
@@ -132,7 +132,7 @@ def _from_hub(origin: HubSource) -> Path:
 
 
 def _find_in_mirror(file: WeightFile, repository: str) -> HubSource:
-    """Return the file of a mirror that has the published SHA-256; of a small file the hub tells the size alone."""
+    """Return the file of a mirror that has the published SHA-256; for a small file the hub states only the size."""
     import huggingface_hub as hub
 
     listed = hub.HfApi().model_info(repository, files_metadata=True)
@@ -148,14 +148,14 @@ def _from_web(file: WeightFile, scratch: Path) -> Path:
     origin = file.origin
     assert isinstance(origin, WebSource)
     pooch.get_logger().setLevel("WARNING")
-    unzip = pooch.Unzip() if origin.member else None  # names that lead out of the folder lose what does
+    unzip = pooch.Unzip() if origin.member else None  # it strips the part of a name that leads out of the folder
     responses: list[Any] = []
     hooks = {"response": lambda response, **_: responses.append(response)}
     load = pooch.HTTPDownloader(progressbar=sys.stderr.isatty(), timeout=60, hooks=hooks)
     try:
         found = pooch.retrieve(origin.url, None, "download", scratch, processor=unzip, downloader=load)
     finally:
-        for response in responses:  # pooch closes none
+        for response in responses:  # pooch does not close them
             response.close()
     if not origin.member:
         return Path(found)

@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 _STEP_SIZE = 1e-5  # of an unknown, between the two gradients whose difference is a row of the Hessian
 _MIN_STEP = 1e-7  # largest step of an unknown after which a person is done
 _MAX_STEPS = 100
-_KEEP_HESSIAN = 0.3  # it serves again while each step is at most this share of the step before
+_KEEP_HESSIAN = 0.3  # a Hessian is reused while each step is at most this share of the previous one
 _ROUNDING = 1e-12  # share of the loss by which rounding may seem to raise it
 _DAMPING_UP, _DAMPING_DOWN, _MIN_DAMPING = (
     10.0,
     0.1,
     0.01,
-)  # factors on the damping after a step that fails or holds; below the last none
+)  # factors on the damping after a failed and a successful step; smaller damping is 0
 
 
 def minimize_newton(problem: FitProblem, unknowns: Tensor) -> Tensor:

@@ -22,19 +22,19 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.floating]
 
 SIZE_STATURE_M = 1.72
-"""Height of the body that a size in px stands for: a unit, and no prior."""
+"""Height of the body that a size in px refers to; a unit, not a prior."""
 
 
 _OUTSIDE = 0.05  # weight left to a keypoint outside the picture, which the network can only guess
 _UNSEEN, _UNSEEN_WEIGHT = 0.3, 0.1  # a keypoint of less confidence keeps this share of its 2D weight
 _HIP_WEIGHT = 0.5  # networks mark hips on the surface, bodies have them inside
 _LEAST_WORLD_WEIGHT = 0.15
-_GUESSED = 0.05  # below this confidence, or outside the picture, a keypoint is made up
+_GUESSED = 0.05  # below this confidence, or outside the picture, a keypoint is a guess
 _LEG = ("knee", "ankle", "heel", "foot_tip", "big_toe", "small_toe")
 _HANGING = {"knee": (0.0, 0.4), "ankle": (0.0, 0.8)}  # metres before and under the hip, of legs that are not seen
 _SEATED = {"knee": (0.4, 0.05), "ankle": (0.4, 0.45)}  # the same for people on a seat
 _SEATS = ("seat", "bed")
-_MIN_SEAT_SHARE = 0.03  # of the labels beside the lower body; seats are mostly hidden by who sits on them
+_MIN_SEAT_SHARE = 0.03  # of the labels beside the lower body; people hide most of the seat below them
 _BESIDE_SHARE, _ABOVE_HIPS_SHARE = 0.5, 0.15  # widths and heights of the mask in which a seat is looked for
 
 
@@ -164,7 +164,7 @@ def _pixels_per_metre(points: FloatArray, world: FloatArray, weight: FloatArray)
     known = flat - (weight[..., None] * flat).sum(1, keepdims=True) / total
     scale = (weight * (seen * known).sum(-1)).sum(1) / ((weight * (known**2).sum(-1)).sum(1) + 1e-9)
     extent = np.ptp(points, axis=1).max(-1)
-    # The floor is for landmarks that disagree wholly with the picture.
+    # The lower bound is for landmarks that disagree completely with the picture.
     return np.asarray(np.maximum(scale, 0.1 * extent / SIZE_STATURE_M))
 
 

@@ -113,8 +113,8 @@ _SOLE_STRIDE = 4  # every fourth vertex of a sole is enough to find its lowest p
 _SMOOTH_MIN_SHARPNESS = 150.0  # per metre, of the smooth minimum
 _SHOULDERS, _HIPS = ([JOINT_INDEX[f"{side}_{name}"] for side in ("left", "right")] for name in ("shoulder", "hip"))
 _LEGS = ("hip", "knee", "ankle", "heel", "foot_tip", "big_toe", "small_toe")
-_TRUNK_LIMIT = 0.4  # radians from the vertical, of a trunk that is likely to be meant to be vertical
-_DUPLICATE_POINTS = ("eye_inner", "eye_outer")  # say the same as the eyes
+_TRUNK_LIMIT = 0.4  # radians from the vertical, of a trunk that is probably upright
+_DUPLICATE_POINTS = ("eye_inner", "eye_outer")  # redundant with the eyes
 
 
 @dataclass(frozen=True)

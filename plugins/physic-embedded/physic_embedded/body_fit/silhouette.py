@@ -51,7 +51,7 @@ class _Outline:
     normals: FloatArray
 
     def spaced(self) -> _Outline:
-        """Return evenly spaced ones of the points, as many as pair."""
+        """Return evenly spaced points of the outline, as many as there are pairs."""
         rows = np.linspace(0, len(self.points), _PAIRS, endpoint=False).astype(int)
         return _Outline(self.points[rows], self.normals[rows])
 
@@ -93,7 +93,7 @@ def outline_pairs(
             continue
         normal[i], weight[i] = lines.normal, lines.weight
         vertex[i] = np.where(weight[i] > 0, coarse[nearest[lines.vertex]], coarse[0])
-        # Vertices lie beside the outline: what they are off by stays constant.
+        # Vertices lie beside the outline, at an offset that stays constant.
         off = lines.point - _project(vertices[i][vertex[i]], camera)
         offset[i] = lines.offset - (normal[i] * off).sum(-1)
     used, rows = np.unique(vertex, return_inverse=True)

@@ -77,7 +77,7 @@ def label_surfaces(
     Args:
         session: of ``deeplabv3_mnv2_ade20k``.
         image: (H, W, 3) uint8 RGB.
-        people: (H, W), pixels of anybody; they are "person".
+        people: (H, W), pixels of people; they are "person".
         min_probability: pixels whose best surface is less probable are "unknown".
     """
     import cv2

@@ -1,7 +1,7 @@
 """Detect a person's hands with the two MediaPipe hand networks: 21 landmarks in pixels and in metres.
 
 The palm detector needs a palm that fills a large part of its input, so it gets crops around the wrists of a known pose:
-upright, and rotated so that the forearm points up. The pose also tells whose hand and which side it is.
+upright, and rotated so that the forearm points up. The pose also gives the person and the side of the hand.
 """
 
 from __future__ import annotations
@@ -163,7 +163,7 @@ def find_hand(
             keys = view.to_photo(palm.keypoints, DETECTOR_SIZE)
             box = np.concatenate([center - length / 2, center + length / 2])
             starts.append(square_from_palm(box, keys[0], keys[2]))
-    # No palm to see: the pose's own guess of where the hand is.
+    # No palm is visible: the pose gives the place of the hand.
     starts.append(RotatedSquare(around.center, around.side / 1.5, arm_angle))
     best, most = None, 0.0
     for start in starts:

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from physic_core.adapters.onnx_sessions import OnnxSession
 
-_SIDE = 512  # px of the network's square input; its answers lie on a grid of half that
+_SIDE = 512  # px of the network's square input; its output is a grid of half that side
 
 
 def detect_line_segments(

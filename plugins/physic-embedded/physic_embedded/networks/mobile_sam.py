@@ -80,8 +80,8 @@ class MaskProposals:
     Attributes:
         logits: (4, rows, columns), above 0 inside; the first is for prompts without ambiguity, the others are whole,
             part and part of a part.
-        iou: (4,) how well each mask fits what was meant, as the network judges.
-        raw: (4, 256, 256), for asking again.
+        iou: (4,) intersection over union of each mask with the object, as predicted.
+        raw: (4, 256, 256), input of a further prediction.
     """
 
     logits: Float
@@ -115,10 +115,10 @@ def predict_masks(
     Args:
         session: of ``mobilesam_decoder``.
         embedding: of the photo.
-        inside: (P, 2) photo px on the thing.
-        outside: (Q, 2) photo px not on it.
-        box: (4,) x0 y0 x1 y1 photo px about it.
-        mask: (256, 256) logits, one of an earlier answer's ``raw``.
+        inside: (P, 2) photo px on the object.
+        outside: (Q, 2) photo px beside it.
+        box: (4,) x0 y0 x1 y1 photo px around it.
+        mask: (256, 256) logits, one of ``raw`` of an earlier prediction.
     """
     points = [embedding.to_input_pixels(np.asarray(p, float).reshape(-1, 2)) for p in (inside, outside)]
     labels = [np.ones(len(points[0])), np.zeros(len(points[1]))]

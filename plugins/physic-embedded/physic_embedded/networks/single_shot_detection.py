@@ -58,8 +58,8 @@ def decode_detections(
         logits: (A,) score logits.
         anchors: (A, 2) of :func:`anchor_centers`.
         size: side of the network's input, px.
-        threshold: answers with a lower score are dropped.
-        overlap: boxes with a larger intersection over union are one thing.
+        threshold: detections with a lower score are dropped.
+        overlap: boxes with a larger intersection over union are averaged.
     """
     scores = sigmoid(logits)
     kept = np.flatnonzero(scores >= threshold)

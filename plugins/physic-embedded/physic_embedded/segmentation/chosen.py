@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from physic_embedded.networks.pose import Pose
 
 MIN_BOX_IOU = 0.5
-"""A detected person whose box has less overlap with the user's box is somebody else, or a part."""
+"""A detected person whose box has less overlap with the user's box is another person, or only a part."""
 WHOLE = 1
 """Index of MobileSAM's proposal of the whole object."""
 

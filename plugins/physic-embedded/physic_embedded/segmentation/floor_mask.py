@@ -38,7 +38,7 @@ def ground_points(poses: Sequence[Pose], people: Bool, reach: float = 0.45) -> F
 
     Args:
         poses: of the people.
-        people: (H, W), pixels of anybody.
+        people: (H, W), pixels of people.
         reach: how far from the middle of the foot, in lengths of the person's trunk.
     """
     height, width = people.shape
@@ -59,15 +59,15 @@ def floor_mask(
 ) -> Bool:
     """Segment the floor (H, W) beside people's feet; all False if no foot is visible.
 
-    Several answers are possible: a tile, the pavement, all that is not sky. Wanted is the largest that holds the points
-    beside the feet, holds nobody, and hardly rises above the shoulders of those who stand.
+    Several masks are possible: a tile, the pavement, everything but the sky. The largest one is chosen that holds the
+    points beside the feet and no people, and hardly rises above the shoulders of standing people.
 
     Args:
         decoder: session of ``mobilesam_decoder``.
         embedding: of the photo.
         poses: of the people.
-        people: (H, W), pixels of anybody.
-        most_points: no more points than this are shown to the network.
+        people: (H, W), pixels of people.
+        most_points: largest number of points that the network gets.
     """
     none = np.zeros_like(people)
     points = ground_points(poses, people)
@@ -94,7 +94,7 @@ def add_labelled_floor(beside_feet: Bool, surfaces: SurfaceLabels, people: Bool)
     Args:
         beside_feet: (H, W) of :func:`floor_mask`.
         surfaces: of the same photo.
-        people: (H, W), pixels of anybody.
+        people: (H, W), pixels of people.
     """
     labelled = surfaces.mask("floor", "ground", "rug") & ~people
     if labelled.mean() < _LEAST_LABELLED:

@@ -2,7 +2,7 @@
 
 YOLOX detects people as boxes. The landmark network, which expects one person, runs on each box. Unless all boxes and
 their poses are sure, BlazePose's own detector adds people that YOLOX misses, and a second start for the landmark
-network. Both also detect animals and boards as people: what YOLOX holds rather for one of these is left out.
+network. Both also detect animals and boards as people: boxes that YOLOX scores higher as one of these are left out.
 """
 
 from __future__ import annotations
@@ -152,7 +152,7 @@ def detect_poses(
         (box, float(score), predict_pose(landmarker, picture, square_around(box)))
         for box, score in zip(boxes.boxes, boxes.scores, strict=True)
     ]
-    # The second search costs as much as all the rest, and adds nobody where all boxes are sure.
+    # The second search costs as much as all the rest, and adds no people where all boxes are sure.
     blazepose = [] if _all_sure(posed, settings) else _search_blazepose(pose_detector, landmarker, picture, settings)
     found = _best_poses(posed, [pose for pose, _ in blazepose], settings.box_score)
     found += [
@@ -176,7 +176,7 @@ def detect_poses(
 def _without_others(things: Found, box_score: float) -> tuple[Detections, list[str]]:
     """Return the boxes of people that no better box of an animal or a board covers, and the names at the others.
 
-    Names at boxes of weak score are omitted: they need not have become people.
+    Names at boxes of weak score are omitted, since these boxes might not have become people.
     """
     people = things.people
     others = [
@@ -374,8 +374,8 @@ def detect_people(
 def merge_candidates(found: Sequence[BoxDetection], nearness: float = 0.35, overlap: float = 0.3) -> list[BoxDetection]:
     """Merge detections of the same person and keep the best.
 
-    Two candidates do when their mid hips are nearer than ``nearness`` times the larger body radius, or when their boxes
-    overlap by more than ``overlap`` (intersection over union).
+    Two candidates are one person if their mid hips are nearer than ``nearness`` times the larger body radius, or if
+    their boxes overlap by more than ``overlap`` (intersection over union).
     """
 
     def radius(d: BoxDetection) -> float:
@@ -399,7 +399,7 @@ def is_person(pose: Pose, detected: float, sure: float) -> bool:
     A weaker candidate must therefore look the same in the mirror image, and have a trunk of plausible length.
 
     Args:
-        pose: what the landmark network made of it.
+        pose: output of the landmark network for it.
         detected: the detector's score.
         sure: such as 0.75.
     """

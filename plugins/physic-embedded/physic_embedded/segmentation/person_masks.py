@@ -62,7 +62,7 @@ def person_mask(
     soft = pose.mask_at(cells)
     theirs = np.max([o.mask_at(cells) for o in others], axis=0) if others else np.full_like(soft, -np.inf)
     rough = soft > 0
-    # A joint that is hidden behind someone lies on them, and would ask for them.
+    # A joint hidden behind another person would prompt for that person.
     inside = _points_in_mask(_own_points(pose, embedding), rough & (soft > theirs), embedding)
     if not len(inside):
         return PersonMask(soft, inside, 0.0)
@@ -88,8 +88,8 @@ def person_mask(
 def resolve_overlaps(masks: Sequence[PersonMask], embedding: ImageEmbedding, speck: float = 0.1) -> Bool:
     """Assign each pixel to the person with the largest logit, and return masks (N, H, W) at photo size.
 
-    A piece of a mask that holds none of the person's own points and is smaller than ``speck`` times the whole mask is
-    taken for somebody else's.
+    A piece of a mask that holds none of the person's own points and is smaller than ``speck`` times the whole mask
+    counts as part of another person.
     """
     owner = np.full((embedding.height, embedding.width), -1, np.int16)
     strongest = np.zeros((embedding.height, embedding.width), np.float32)

@@ -43,8 +43,8 @@ def segment_unposed(
         surfaces: semantic labels, or None to trust the scores of the boxes alone.
 
     Returns:
-        The people of boxes whose mask is mostly on no one else, each with the box of these pixels, and all these pixels
-        (H, W).
+        The people of boxes with a mask that mostly covers no other person, each with the box of these pixels, and all
+        these pixels (H, W).
     """
     found, taken = [], np.zeros_like(people)
     for one in sorted(boxes, key=lambda one: -one.score):

@@ -1,7 +1,8 @@
 """Fit the floor as a plane in a disparity map of unknown focal length, scale and offset.
 
 A plane n . X = h gives 1 / z = (n . r) / h with the ray r = (x, y, 1), and a disparity is affine in 1 / z: so every
-plane of the scene is a plane over the pixels of the disparity map, whatever the camera and what the map leaves open.
+plane of the scene is a plane over the pixels of the disparity map, for any camera and any unknown scale and offset of
+the map.
 """
 
 from __future__ import annotations
@@ -67,8 +68,8 @@ def fit_disparity_floor(
     Args:
         disparity: (H, W), larger is nearer.
         made_up: (H, W) bool, pixels that an inpainter invented.
-        labelled: (H, W) bool, pixels of the floor by their look. They are the candidates, if they are enough and mostly
-            lie on one plane; else the lower part of the picture is.
+        labelled: (H, W) bool, pixels labelled as floor. They are the candidates, if they are enough and mostly lie on
+            one plane; else the lower part of the picture is.
 
     Returns:
         The floor, or None where no plane looks like one.

@@ -1,8 +1,8 @@
 """Estimate the disparity at infinity, the offset between a relative disparity and 1 / z.
 
-A plane stays a plane whatever is taken for infinity, so flatness says nothing about it. What moves is the floor's
-horizon, so cues are weighed on it: walls that stand upright on the floor, people who do, gravity read off upright
-edges; and, before all cues, whether the farthest pixels are as good as infinitely far, as they are outdoors.
+A plane stays a plane for any disparity at infinity, so flatness is no evidence. The horizon of the floor moves with it,
+so the cues are about the horizon: upright walls, standing people, and gravity from upright edges. The prior is whether
+the farthest pixels are practically at infinity, as outdoors.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ class InfinityEstimate:
     Attributes:
         disparity: at infinity, in the units of the map.
         gap: from it to the farthest pixels, in ranges of the map.
-        outdoors: probability that the farthest pixels are as good as infinitely far.
+        outdoors: probability that the farthest pixels are practically at infinity.
         sigma: standard deviation of log(gap).
         disparity_sigma: standard deviation of ``disparity``.
-        rule: what decided, in words.
+        rule: the deciding evidence, in words.
     """
 
     disparity: float

@@ -161,7 +161,7 @@ def focal_of_segments(
     """Estimate the focal length by a default and the segments that the best Manhattan frame of each length explains.
 
     Each segment runs along one of three orthogonal axes, with an error, or anywhere. The likelihood of a focal length
-    is that of its best frame. It counts the less, the fewer more lines the frame explains than frames do by chance.
+    is that of its best frame. It has less weight if the frame explains few lines more than frames do by chance.
 
     Args:
         segments: (M, 2, 2) px.

@@ -29,7 +29,7 @@ class Gravity:
         down: (3,) unit vector, camera frame.
         pitch_deg: how far the camera looks down.
         sigma_deg: standard deviation of the pitch.
-        source: what it was read off, in words.
+        source: the evidence, in words.
     """
 
     down: FloatArray

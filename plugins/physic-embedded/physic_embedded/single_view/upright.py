@@ -1,8 +1,8 @@
-"""What stands upright on the floor, as a cue for the disparity at infinity: walls, and people's bodies in the image.
+"""Upright walls and bodies as a cue for the disparity at infinity.
 
 A plane of the scene is a plane over the pixels of a disparity map, ``disparity = a x + b y + c`` with the ray
 (x, y, 1), and its normal is proportional to (a, b, c - infinity). So two planes that are known to be perpendicular,
-such as a wall and the floor, settle the disparity at infinity. A person who stands defines a vertical plane through
+such as a wall and the floor, determine the disparity at infinity. A person who stands defines a vertical plane through
 the camera: gravity lies in it.
 """
 
