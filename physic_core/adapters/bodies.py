@@ -191,14 +191,14 @@ def observed_joints(
 
     Joints without a keypoint depend on other joints: collars on shoulders; the foot's joint on heel or toes; neck,
     head, jaw and eyes on nose, eyes or ears; the pelvis on a hip, the chest on a shoulder, the spine between them on
-    both; fingers on a share of the hand's points and the wrist, or on the wrist alone.
+    both; fingers on a share of the hand's points and the wrist, or only on the wrist.
 
     Args:
         keypoints: of N people.
         height: of the image, px.
         width: of the image, px.
         least: minimum confidence of a visible keypoint.
-        finger_share: minimum share of a hand's points that are visible if its fingers are; 0 uses the wrist alone.
+        finger_share: minimum share of a hand's points that are visible if its fingers are; 0 uses only the wrist.
 
     Returns:
         (N, 55) bool, or None if the skeleton lacks a shoulder, elbow, wrist, hip, knee or ankle.

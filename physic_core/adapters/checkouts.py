@@ -122,7 +122,7 @@ class Checkout:
                     f"{self.name}{self._place()} cannot be imported: {error}; if '{absent}' is not a part of it: "
                     f"pip install {PIP_NAMES.get(absent, absent)}"
                 ) from error
-            except Exception as error:  # whatever its code raises while it is imported
+            except Exception as error:  # its code can raise anything at import
                 raise BackendError(
                     f"{self.name}{self._place()} cannot be imported: {type(error).__name__}: {error}; "
                     "try its own demo in this environment first"

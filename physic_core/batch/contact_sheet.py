@@ -170,7 +170,7 @@ def _result_card(folder: Path, result: Path) -> dict[str, Any]:
 
 
 def _thumbnail(result: Path) -> str:
-    """Return the photo of a result as a small JPEG in base64; "" for a result of people alone, which has no photo.
+    """Return the photo of a result as a small JPEG in base64; "" for a result with only people, which has no photo.
 
     Raises:
         InputError: the arrays are damaged.

@@ -36,7 +36,7 @@ class PhotoItem:
     Attributes:
         id: unique in the batch, and equal in every run of it.
         path: absolute.
-        settings: of the table ``[photo]`` for this photo alone.
+        settings: of the table ``[photo]``, only for this photo.
         stamp: size in bytes and modification time in ns of the file at some time before it is read, by
             :meth:`stamped`; None if it is unknown, or there is no file.
         replaces: names of the files of an earlier result, of which some are lost.

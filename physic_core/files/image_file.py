@@ -67,7 +67,7 @@ IMAGE_SUFFIXES = {
     "JPEG2000": (".jp2", ".j2k", ".j2c", ".jpc", ".jpf", ".jpx"),
     "PPM": (".ppm", ".pgm", ".pbm", ".pnm"),
 }
-"""Suffixes of the files of each format that is read; a file is read by its content, whatever its name."""
+"""Suffixes of the files of each format that is read; a file is read by its content, not by its name."""
 
 _BRANDS = {
     "AVIF": (b"avif", b"avis"),
@@ -226,8 +226,8 @@ _DECODING = threading.RLock()
 def wrap_decoding_errors(source: ImageSource) -> Iterator[None]:
     """Convert errors of Pillow and its decoders to InputError; their warnings are not shown.
 
-    Meanwhile, Pillow's global switches have the values that reading relies on, whatever a plugin has set, and other
-    threads wait.
+    Inside the block, Pillow's global switches have the values that reading relies on, even if a plugin has set others.
+    Other threads wait.
     """
     with _DECODING, warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -18,7 +18,7 @@ UPRIGHT_CLASSES = ("wall", "ceiling", "window")
 """Classes of surfaces on which nothing rests."""
 
 _NO_SURFACE = ("unknown", "person", "sky")
-_FACES_UP = 0.3  # cosine between up and the normal of a point that is no wall, whatever its label
+_FACES_UP = 0.3  # least cosine between up and the normal of a point that is not a wall, for any label
 _NEIGHBOUR_M = 0.5  # within which a visible point gives its class to a hidden one
 _RAISED_M = 0.10  # over the floor, above which a hidden point is not the floor
 _CELL_M = 0.04  # of the grid in which the points are joined to surfaces
@@ -63,10 +63,10 @@ def scene_parts(
     """Find class and connected surface of scene points.
 
     A hidden point has the class of the nearest visible one, within half a metre. A hidden point more than 10 cm above
-    the floor is not floor. Points within 4 cm of its plane are, whatever their class: labels around feet follow the
-    appearance of the feet. A point that faces up is no wall: its class is unknown if its label says so. Points of one
-    class are one surface if they are connected by steps of less than two cells of 4 cm. Without a class, their normals
-    also agree within 37 degrees.
+    the floor is not floor. Points of any class within 4 cm of its plane are floor: labels around feet follow the
+    appearance of the feet. A point that faces up cannot be a wall: with such a label, its class is unknown. Points of
+    one class are one surface if they are connected by steps of less than two cells of 4 cm. Without a class, their
+    normals also agree within 37 degrees.
 
     Args:
         points: (n, 3) metres.

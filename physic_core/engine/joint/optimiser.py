@@ -50,7 +50,7 @@ def finite_energy_per_person(energies: Mapping[str, Tensor], groups: Tensor | No
 
     Args:
         energies: (B,) each.
-        groups: (B,) int64, people of one group get the sum of their energies; None if all people are alone.
+        groups: (B,) int64, people of one group get the sum of their energies; None if all people are separate.
     """
     own = energy_per_person(energies)
     own = torch.where(torch.isfinite(own), own, torch.inf)
@@ -73,7 +73,7 @@ def revert_if_worse(
         energy: its visibility is that of the end.
         end: packed state.
         start: packed state.
-        groups: (B,) int64 of people who touch each other, and are restored together; None if all people are alone.
+        groups: (B,) int64 of people who touch each other, and are restored together; None if all people are separate.
 
     Returns:
         Each term at the start and at the accepted state, both under the visibility of ``end``.
@@ -419,7 +419,7 @@ class LbfgsHistory:
         return step.to(gradient.people), scale.to(h)
 
     def _by_group(self, of_people: Tensor) -> Tensor:
-        """Sum numbers (B, ...) of people over their groups: (B, ...), 0 for indices that are no group."""
+        """Sum numbers (B, ...) of people over their groups: (B, ...), 0 for indices without a group."""
         return of_people if self._groups is None else torch.zeros_like(of_people).index_add(0, self._groups, of_people)
 
     def _apply_inverse(self, people: Tensor, scale: Tensor) -> tuple[Tensor, Tensor]:

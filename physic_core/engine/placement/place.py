@@ -172,7 +172,7 @@ def _on_cpu(x: Tensor) -> Tensor:
 
 
 def _place_person(person: PlacementProblem, method: PlacementMethod) -> tuple[Tensor, Tensor, Mapping[str, Any]]:
-    """Return the translation (3,), that by the keypoints alone (3,), metres, and the diagnostics of a person."""
+    """Return the translation (3,), the one by only the keypoints (3,), metres, and the diagnostics of a person."""
     start = torch.zeros(4, dtype=torch.float64)
     fit, by_keypoints = Fit(start, torch.zeros(len(person.vertices), dtype=torch.bool)), start
     if not bool(torch.isfinite(person.vertices).all()):

@@ -1,8 +1,8 @@
 """One vote on the scale of a scene, and on the shift of its inverse depth, by everything of known size.
 
-A scene of depth Z' in its own unit has the metric depth Z with 1 / Z = (1 / Z' + t) / s. A person at depth z, whom the
-scene alone would scale by m = z / Z', says s = m + t z. So people at different depths determine t as well: near people
-the scale, far ones the shift.
+A scene of depth Z' in its own unit has the metric depth Z with 1 / Z = (1 / Z' + t) / s. A person at depth z, who gives
+the scale m = z / Z' if t = 0, gives s = m + t z. So people at different depths determine t as well: near people the
+scale, far ones the shift.
 
 Witnesses of one kind share an error: soles that of the floor, torsos that of the depth of people in the map. Each one
 may also be wrong, as a child or a raised foot is. All is evaluated on a fixed grid of log s and t, for each candidate
@@ -41,7 +41,7 @@ class Witnesses:
     Attributes:
         scale: (N,) m, metres per unit of the scene; NaN for a witness without a statement.
         depth: (N,) z, metres; NaN if the shift does not matter.
-        sigma: (N,) standard deviation of log(m) of each one alone.
+        sigma: (N,) standard deviation of log(m), without the shared error.
         sure: (N,) probability that a witness is not wrong.
         shared_sigma: standard deviation of the error that all share.
         shared_wrong: probability that the quantity that all share is wrong, such as the depth of people in the map.

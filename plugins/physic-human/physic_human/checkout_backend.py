@@ -48,7 +48,7 @@ class CheckoutBackend(TorchBackend):
     are none if N is 0.
 
     Attributes:
-        project: whose code it runs; the option ``checkout`` is its folder.
+        project: the checkout with the code; the option ``checkout`` is its folder.
         capabilities: with "needs_cuda" if its code runs on a GPU only.
     """
 

@@ -124,7 +124,7 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
 
     def __init__(self, options: Sam3dBodyOptions | None = None) -> None:
         super().__init__(options)
-        # Its hubconf.py imports all of its evaluation too; the networks alone need nothing but torch.
+        # Its hubconf.py also imports all of its evaluation; the networks need only torch.
         self._dinov3 = Checkout(
             self.options.dinov3_checkout,
             name="DINOv3",

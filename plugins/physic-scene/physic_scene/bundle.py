@@ -8,7 +8,7 @@ person's keypoints in the reference frame. Residuals, in units of their expected
   the line of sight are larger;
 * bones: lengths between points against those of the bodies;
 * floors: their normals against each other;
-* focal lengths against those of the photos, whose errors have a part in common.
+* focal lengths against those of the photos, which share a part of their error.
 
 The sizes are those of ``measured_errors.json``. The mean length of all bones gives the scale, after the adjustment:
 points are means of bodies that are turned against each other, and thereby come out smaller. Solved by
@@ -215,7 +215,8 @@ class Bundle:
 class ResidualBlock:
     """Residuals (m, d) with their derivatives (m, d, k) by the parameters of columns (m, k).
 
-    Residuals with the same number in ``group`` (m,) are outliers together, by their mean square; None is each alone.
+    Residuals with the same number in ``group`` (m,) are outliers together, by their mean square; with None, each is
+    separate.
     """
 
     residual: FloatArray
@@ -400,7 +401,7 @@ def _along_and_across(point: FloatArray, along: FloatArray, across: FloatArray) 
 
 
 def _focal_block(log_focal: FloatArray, sigma: FloatArray, first: int) -> ResidualBlock:
-    """Return the residuals of the logarithms of focal lengths (V,), whose errors have a part in common."""
+    """Return the residuals of the logarithms of focal lengths (V,), which share a part of their error."""
     common, own = np.square(measured_errors().focal)
     share = common / (common + own)
     covariance = (1 - share) * np.diag(sigma**2) + share * np.outer(sigma, sigma)

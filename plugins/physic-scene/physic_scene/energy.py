@@ -41,10 +41,10 @@ class OtherViews(ShortRepr):
 
     Attributes:
         placed: (N,) bool, people whose place several photos show.
-        contact: (N, V) sum of the probabilities of contact by the photos alone that show each person.
+        contact: (N, V) sum of the probabilities of contact by the single photos that show each person.
         photos: (N,) their number.
-        floors: (2, 4) normal and offset of the floor of the reference photo alone, at the solved scale, and of that of
-            all photos; None if the reference photo or all others have no floor.
+        floors: (2, 4) normal and offset of the floor of the single reference photo, at the solved scale, and of the
+            floor of all photos; None if the reference photo or all others have no floor.
         known_scale: whether known cameras give the scale of the scene, which then stays.
     """
 
@@ -102,7 +102,7 @@ class ViewsPlacement(PlacementMethod):
 
 @dataclass(frozen=True)
 class ViewsContact(ContactMethod):
-    """Stage 4 of preset "default", with the mean probability over the solution and all photos alone."""
+    """Stage 4 of preset "default", with the mean probability over the solution and all single photos."""
 
     views: OtherViews | None = None
     """Evidence of the other cameras."""

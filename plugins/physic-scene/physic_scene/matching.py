@@ -105,7 +105,7 @@ def _odds(scores: Mapping[Pairs, float], shape: tuple[int, ...]) -> FloatArray:
 def _answers(
     one: PhotoPeople, two: PhotoPeople, pose: FloatArray, turns: FloatArray, clothes: FloatArray
 ) -> Iterator[Pairs]:
-    """Yield answers: each guess alone, and with the people whom its motion brings together."""
+    """Yield answers: each guess by itself, and with the people whom its motion brings together."""
     stature = np.abs(np.log(one.stature[:, None] / two.stature))
     unlike = pose / _POSE_M + stature / _PLACE + clothes / _CLOTHES_MOST
     for guess in np.argsort(unlike, axis=None, kind="stable")[:_GUESSES]:

@@ -30,7 +30,7 @@ def save_scene(scene: SceneResult, folder: str, *, overwrite: bool = False, page
         folder: created if missing.
         overwrite: whether to replace the result of another photo.
         page: of the result, written as ``report.html``; "" for none.
-        photos: digests of all photos, whose earlier results are replaced; "" for that of the reference alone.
+        photos: digests of all photos, whose earlier results are replaced; "" for only the reference.
 
     Raises:
         OutputError: the folder cannot be written, or a file of the user's would be lost.

@@ -93,7 +93,7 @@ def _indices(row: IntArray, photos: Sequence[ScenePhoto]) -> dict[int, int]:
 
 
 def _parameters_alone(solved: SolvedScene, view: int, row: int, model: BodyModel) -> BodyParameters:
-    """Return the body of a photo alone in the reference frame, at the distance of the solved focal length."""
+    """Return the body of a single photo in the reference frame, at the distance of the solved focal length."""
     photo, pose = solved.photos[view], solved.bundle.pose(view)
     people = photo.people
     if view == solved.reference:

@@ -27,7 +27,7 @@ class ScenePhoto(ShortRepr):
     Attributes:
         index: of the photo, as it was given.
         name: of the photo, for messages.
-        result: reconstruction of the photo alone.
+        result: reconstruction of the single photo.
         rows: (N,) index in ``result.people`` of each person who has a body.
         people: what the photo shows of these N people.
     """
@@ -53,7 +53,7 @@ class ScenePhoto(ShortRepr):
         Args:
             index: of the photo, as it was given.
             name: of the photo.
-            result: of the photo alone.
+            result: of the single photo.
             model: body model of its people, float64.
             statures: known heights, metres: one for all, or of its people from left to right, 0 where unknown.
             pose: (4, 4) from the frame of its camera to that of a calibrated rig, metres; None where unknown.

@@ -48,12 +48,12 @@ _KNOWN_SCALE = 1e-3  # least error of the scale, of known cameras
 
 @dataclass(frozen=True)
 class ReferenceInput(ShortRepr):
-    """What the engine gets for the reference photo.
+    """Input of the engine for the reference photo.
 
     Attributes:
-        result: of the photo alone.
+        result: of the single photo.
         camera: solved.
-        bodies: of everybody in the result: the people of the photo, then those whom only other photos show.
+        bodies: of all people of the result: those of the photo, then those whom only other photos show.
         shown: (N,) bool, whether the photo shows this body.
         scores: (N,) of the best detection of each person.
         depth: of its scene, at the solved scale.
@@ -76,7 +76,7 @@ class ReferenceInput(ShortRepr):
 
     @classmethod
     def of(cls, solved: SolvedScene, people: Sequence[PersonOfScene], model: BodyModel) -> ReferenceInput:
-        """Return the input of the engine from the solved cameras and everybody in the result."""
+        """Return the input of the engine from the solved cameras and all people of the result."""
         v = solved.reference
         photos, camera = solved.photos, solved.intrinsics[v]
         result = photos[v].result
@@ -152,7 +152,7 @@ def solve_reference(given: ReferenceInput, config: Config) -> Reconstruction:
 
     Args:
         given: what all photos show.
-        config: of the photos alone; its table ``[photo]`` was used there, and is not used again.
+        config: of the single photos; its table ``[photo]`` was used there, and is not used again.
     """
     plain = config.model_copy(update={"photo": type(config.photo)()})
     own_bodies = select_people(given.bodies, np.arange(len(given.result.people)))
@@ -179,7 +179,7 @@ def solve_reference(given: ReferenceInput, config: Config) -> Reconstruction:
 
 
 def scene_scales(solved: SolvedScene) -> FloatArray:
-    """Return the factor (V,) from the scene of each photo alone to the solution: by the depths of the people."""
+    """Return the factor (V,) from the scene of each single photo to the solution, by the depths of the people."""
     factors = np.ones(len(solved.photos))
     for v, photo in enumerate(solved.photos):
         here = np.flatnonzero(solved.rows[:, v] >= 0)
@@ -191,7 +191,7 @@ def scene_scales(solved: SolvedScene) -> FloatArray:
 
 
 def _contact(solved: SolvedScene, people: Sequence[PersonOfScene], model: BodyModel) -> tuple[FloatArray, FloatArray]:
-    """Return the summed probability of contact (N, V) of the photos alone that show a person, and their number.
+    """Return the summed probability of contact (N, V) of the single photos that show a person, and their number.
 
     Both are 0 for a person whom only the reference photo shows, and if the single photos have no probabilities.
     """
@@ -214,8 +214,8 @@ def _is_placed(person: PersonOfScene, solved: SolvedScene) -> bool:
 def _floors(solved: SolvedScene, model: BodyModel) -> FloatArray | None:
     """Return normal and offset (2, 4) of the reference photo's floor, at the solved scale, and of that of all photos.
 
-    The normal is the median of the photos' normals. The floor is at the median of the lowest points of the people
-    who stand on it: those whose lowest point the photos alone have on it.
+    The normal is the median of the photos' normals. The floor is at the median of the lowest points of the people who
+    stand on it: those with the lowest point on it in the single photos.
     """
     photos, ups = solved.photos, solved.observations.up
     known = np.flatnonzero(np.isfinite(ups).all(1))
@@ -237,7 +237,7 @@ def _floors(solved: SolvedScene, model: BodyModel) -> FloatArray | None:
 
 
 def _height_alone(solved: SolvedScene, row: IntArray, known: IntArray) -> float:
-    """Return the median height of a person's lowest point over the floors of the photos alone; inf without any."""
+    """Return the median height of a person's lowest point over the floors of the single photos; inf without any."""
     heights = []
     for v in known.tolist():
         photo = solved.photos[v]
@@ -249,7 +249,7 @@ def _height_alone(solved: SolvedScene, row: IntArray, known: IntArray) -> float:
 
 
 def _view(solved: SolvedScene, people: Sequence[PersonOfScene], view: int) -> OtherView:
-    """Return what another photo shows of everybody in the result."""
+    """Return the view of another photo of all people of the result."""
     photos = solved.photos
     keypoints = _keypoints(people, photos, view)
     result = photos[view].result
@@ -272,7 +272,7 @@ def _view(solved: SolvedScene, people: Sequence[PersonOfScene], view: int) -> Ot
 
 
 def _keypoints(everybody: Sequence[PersonOfScene], photos: Sequence[ScenePhoto], view: int) -> Keypoints:
-    """Return the keypoints of everybody in the result in one photo; 0 for people whom it does not show."""
+    """Return the keypoints of all people of the result in one photo; 0 for people whom it does not show."""
     own, count = photos[view].people, len(everybody)
     points, confidence = np.zeros((count, len(own.skeleton), 2)), np.zeros((count, len(own.skeleton)))
     row_of = {index: row for row, index in enumerate(photos[view].rows)}
@@ -284,7 +284,8 @@ def _keypoints(everybody: Sequence[PersonOfScene], photos: Sequence[ScenePhoto],
 
 
 def _observed(keypoints: Keypoints, size: tuple[int, ...]) -> BoolArray:
-    """Return the joints (N, 55) that a photo of a size (H, W) shows; all where the skeleton does not say so."""
+    """Return the joints (N, 55) that a photo of a size (H, W) shows; all joints if the skeleton does not define
+    them."""
     found = observed_joints(keypoints, *size)
     return np.ones((len(keypoints.points), NUM_JOINTS), bool) if found is None else found
 

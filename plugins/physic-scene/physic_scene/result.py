@@ -81,7 +81,7 @@ def _solved_views(solved: SolvedScene) -> list[SolvedView]:
 def _photos(
     solved: SolvedScene, everybody: Sequence[PersonOfScene], reconstruction: Reconstruction, scales: FloatArray
 ) -> tuple[SolvedPhoto, ...]:
-    """Return the photos, with the factors (V,) on the scenes of the photos alone."""
+    """Return the photos, with the factors (V,) on the scenes of the single photos."""
     found = []
     for v, photo in enumerate(solved.photos):
         errors = solved.errors[v][np.isfinite(solved.errors[v])]

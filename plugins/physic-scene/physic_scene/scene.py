@@ -88,7 +88,7 @@ class ScenePipeline:
         Raises:
             InputError: there are too few or too many photos, fewer than two show the same people, known poses are not
                 in metres, or several ages are given.
-            PhysicError: a photo cannot be reconstructed alone; see :class:`physic_core.Pipeline`.
+            PhysicError: a single photo cannot be reconstructed; see :class:`physic_core.Pipeline`.
         """
         _check_number(len(photos), cameras=cameras)
         known, names = known or KnownSizes(), _unique([_name(photo, i) for i, photo in enumerate(photos)])
@@ -115,7 +115,7 @@ class ScenePipeline:
         known: KnownSizes | None = None,
         progress: Progress | None = None,
     ) -> Reconstruction | None:
-        """Reconstruct one photo alone, for :meth:`join`; other arguments are those of :class:`physic_core.Pipeline`.
+        """Reconstruct a single photo, for :meth:`join`; other arguments are those of :class:`physic_core.Pipeline`.
 
         Args:
             photo: as of :meth:`__call__`.
@@ -124,7 +124,7 @@ class ScenePipeline:
             progress: called when each stage begins.
 
         Returns:
-            The result, or None if nobody is in the photo and the config requires people.
+            The result, or None if the config requires people and the photo shows none.
 
         Raises:
             PhysicError: the photo cannot be reconstructed.
@@ -147,7 +147,7 @@ class ScenePipeline:
         poses: Sequence[FloatArray | None] | None = None,
         progress: Progress | None = None,
     ) -> SceneResult:
-        """Reconstruct one moment from the results of its photos alone, which this configuration has made.
+        """Reconstruct one moment from the results of its single photos, which this configuration has made.
 
         Args:
             results: reconstruction of each photo, or None for a photo without people.

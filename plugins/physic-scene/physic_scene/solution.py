@@ -123,7 +123,7 @@ def _solution(chosen: ChosenPhotos, moved: Sequence[str], found: _Adjusted, mode
     scale, scale_sigma = _scale(found.observations, found.bundle)
     bundle, photos, rows = found.bundle.scaled(scale), chosen.photos, chosen.rows
     people = [photo.people for photo in photos]
-    observations = MomentObservations.of(people, rows)  # of the sizes that the photos alone show
+    observations = MomentObservations.of(people, rows)  # relative to the sizes in the single photos
     statures = sizes = known_statures(people, rows)
     if observations.known.any():
         factor = sizes_by_cameras(observations, [bundle.pose(v) for v in range(len(photos))])
@@ -173,7 +173,7 @@ def _adjusted(chosen: ChosenPhotos) -> _Adjusted:
 def _scale(observations: MomentObservations, bundle: Bundle) -> tuple[float, float]:
     """Return the factor on all lengths by the sizes of people, and the standard deviation of its logarithm.
 
-    Each person votes once, by known stature or by the mean size in the photos alone: errors of one person's stature
+    Each person votes once, by known stature or by the mean size in the single photos: errors of one person's stature
     have common causes. These sizes include the evidence of each photo on its scale, such as soles on its floor.
     Distances in the photos follow from them and from focal lengths, whose errors are stated apart. Known cameras have a
     scale.

@@ -56,8 +56,8 @@ class SolvedPhoto(ShortRepr):
         shown: index in ``SceneResult.reconstruction.people`` -> index in ``result.people``, of the people whose bodies
             this photo shows.
         reprojection: median distance of the solved keypoints from those of the photo, as a share of the stature in px.
-        scene_scale: factor from the scene of the photo alone to that of the solution.
-        result: reconstruction of the photo alone, in the frame of its camera.
+        scene_scale: factor from the scene of the single photo to that of the solution.
+        result: reconstruction of the single photo, in the frame of its camera.
     """
 
     index: int

@@ -40,8 +40,8 @@ _CHECKS = {
     )
 }
 _INSIDE = 0.9  # least share of a person's keypoints in the frame of a photo that ought to show the person
-_NOBODY = 0.4  # distance from the nearest person, as a share of the stature in px, where a photo shows nobody
-_NEAREST_M = 0.5  # of somebody whom a photo may show
+_NOBODY = 0.4  # least distance from other people of a place that counts as empty, as a share of the stature in px
+_NEAREST_M = 0.5  # of a person whom a photo may show
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,8 @@ class SolvedView:
         pose: of its camera, metres.
         K: (3, 3) px, of the solved camera.
         size: (width, height) px.
-        floor: (4,) normal and offset of the floor of the photo alone, metres, in the frame of its camera; None without.
+        floor: (4,) normal and offset of the floor of the single photo, metres, in the frame of its camera; None
+            without.
     """
 
     name: str
@@ -152,7 +153,7 @@ def _others(views: Sequence[SolvedView], rows: IntArray, v: int) -> Iterator[tup
 
 
 def _shows_nobody(view: SolvedView, other: SolvedView, row: int) -> bool:
-    """Return whether a photo has nobody where another photo has a person, who is within its frame."""
+    """Return whether a photo has no person in a place within its frame where another photo has one."""
     zoom = other.K[0, 0] / other.people.K[0, 0]
     points = view.pose.to_camera(other.pose.to_common(other.people.landmarks[row] * [1, 1, zoom]))
     if np.median(points[:, 2]) < _NEAREST_M:

@@ -137,5 +137,5 @@ def _rotation_between(start: FloatArray, end: FloatArray) -> FloatArray:
     axis = np.cross(start, end)
     angle = np.arctan2(np.linalg.norm(axis), start @ end)
     if np.linalg.norm(axis) < 1e-6:
-        axis = np.array([0.0, 0.0, 1.0])  # opposite: any axis will do
+        axis = np.array([0.0, 0.0, 1.0])  # opposite: any axis
     return np.asarray(Rotation.from_rotvec(angle * _normalise(axis)).as_matrix())

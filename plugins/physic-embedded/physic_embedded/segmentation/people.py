@@ -395,8 +395,9 @@ def merge_candidates(found: Sequence[BoxDetection], nearness: float = 0.35, over
 def is_person(pose: Pose, detected: float, sure: float) -> bool:
     """Return whether a candidate is a person.
 
-    From a detector score of ``sure`` on, the landmark network's score decides. That score alone also accepts armchairs.
-    A weaker candidate must therefore look the same in the mirror image, and have a trunk of plausible length.
+    From a detector score of ``sure`` on, the landmark network's score decides. By itself, that score also accepts
+    armchairs. A weaker candidate must therefore look the same in the mirror image, and have a trunk of plausible
+    length.
 
     Args:
         pose: output of the landmark network for it.

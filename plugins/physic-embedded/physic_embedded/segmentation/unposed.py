@@ -40,7 +40,7 @@ def segment_unposed(
         embedding: of the photo.
         boxes: of people without a pose.
         people: (H, W) bool, pixels of the people with a pose.
-        surfaces: semantic labels, or None to trust the scores of the boxes alone.
+        surfaces: semantic labels, or None to trust only the scores of the boxes.
 
     Returns:
         The people of boxes with a mask that mostly covers no other person, each with the box of these pixels, and all

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 def flying_pixels(inverse_depth: NDArray[np.floating], ratio: float = 1.05, bend: float = 0.02) -> NDArray[np.bool_]:
     """Return a mask of flying pixels: pixels where depth changes steeply, but not along a plane.
 
-    A plane has a linear inverse depth however flat one looks along it, so a steep change alone does not make an edge: a
-    floor near its horizon is as steep. An edge is steep and its inverse depth bends nearby.
+    The inverse depth of a plane is linear at any angle of view, and as steep as an edge near the horizon of a floor. An
+    edge is steep, and its inverse depth bends nearby.
 
     Args:
         inverse_depth: (H, W), positive, at the resolution of the network that made it.
