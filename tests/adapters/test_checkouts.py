@@ -99,7 +99,7 @@ def test_a_missing_package_is_named_with_its_pip_name(tmp_path: Path) -> None:
     assert needs == ("Thing needs the packages absent_a, absent_b of the environment: pip install absent_a absent_b",)
 
 
-def test_a_wrong_folder_is_said_before_anything_is_imported(tmp_path: Path) -> None:
+def test_a_wrong_folder_is_reported_before_anything_is_imported(tmp_path: Path) -> None:
     page = "https://example.org/thing"
     absent = Checkout(str(tmp_path / "no"), name="Thing", package="core.net", homepage=page)
     other = checkout(tmp_path, {"setup.py": ""})

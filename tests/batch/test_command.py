@@ -81,7 +81,7 @@ def test_a_dry_run_lists_the_photos_and_writes_nothing(tmp_path: Path, monkeypat
     ],
     ids=["photos", "shard", "save", "backend", "device"],
 )
-def test_what_ends_a_batch_before_its_first_photo(
+def test_an_invalid_argument_ends_a_batch_before_its_first_photo(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], code: int, message: str
 ):
     monkeypatch.chdir(tmp_path)

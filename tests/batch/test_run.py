@@ -186,7 +186,7 @@ def test_two_batches_cannot_write_one_journal(tmp_path: Path):
         pass
 
 
-def test_a_journal_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_journal_on_a_full_disk_raises_an_output_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     def full(file: int) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 

@@ -140,7 +140,7 @@ def test_a_wrist_stays_in_its_range(wrists: np.ndarray, seed: int) -> None:
     assert (last <= np.maximum(limits, first) + 1e-5).all()
 
 
-def test_fingers_come_along_as_far_as_the_hand_is_trusted() -> None:
+def test_fingers_change_in_proportion_to_the_weight_of_the_hand() -> None:
     before = body()
     wrists = rotmat_to_rotvec(world_of(before)[:, WRISTS])
     hands = replace(hands_of(before, wrists, 0.3), rotvecs=np.zeros((1, 2, 15, 3)))

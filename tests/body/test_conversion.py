@@ -42,7 +42,9 @@ def with_mesh(bodies: Bodies, model: BodyModel) -> Bodies:
     return replace(bodies, mesh=Mesh(rest.topology, posed(model, bodies.parameters)[0], rest.faces, rest.vertices))
 
 
-def test_by_surface_there_and_back(own: Bodies, embedded: BodyModel, other_model: BodyModel, other: OtherBody) -> None:
+def test_a_body_converted_by_its_surface_and_back_is_the_same(
+    own: Bodies, embedded: BodyModel, other_model: BodyModel, other: OtherBody
+) -> None:
     vertices, joints = posed(embedded, own.parameters)
     there = convert_with_residuals(own, other_model)
     assert there.bodies.body_model == "smplx"
@@ -59,7 +61,9 @@ def test_by_surface_there_and_back(own: Bodies, embedded: BodyModel, other_model
     assert there.surface_m.max() < 4e-3
 
 
-def test_by_joints_there_and_back(own: Bodies, embedded: BodyModel, other_model: BodyModel) -> None:
+def test_a_body_converted_by_its_joints_and_back_is_the_same(
+    own: Bodies, embedded: BodyModel, other_model: BodyModel
+) -> None:
     """The other model has its joints up to 5 cm elsewhere: a surface that follows joints alone is off by as much."""
     vertices, joints = posed(embedded, own.parameters)
     there = convert_with_residuals(replace(own, body_model="smpl", joints=joints), other_model)
@@ -100,7 +104,7 @@ def test_bare_joints_make_bodies(own: Bodies, embedded: BodyModel) -> None:
     assert mm(again, vertices) < 9
 
 
-def test_those_of_whom_nothing_is_known_are_nan(own: Bodies, embedded: BodyModel) -> None:
+def test_people_without_known_joints_are_nan(own: Bodies, embedded: BodyModel) -> None:
     joints = posed(embedded, own.parameters)[1]
     joints[1] = np.nan
     estimated = replace(own, body_model="smpl", joints=joints)

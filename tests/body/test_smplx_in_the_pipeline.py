@@ -36,7 +36,7 @@ def run(world: World, *overrides: str) -> Reconstruction:
 RULER = ("metric_depth={backend='embedded', options={}}", "contact_prior={backend='embedded', options={}}")
 
 
-def test_the_ruler_and_the_contact_priors_know_other_bodies(world: World, file: Path, maps: None) -> None:
+def test_scale_and_contact_work_with_a_smplx_body(world: World, file: Path, maps: None) -> None:
     plain, result = run(world, *RULER), run(world, f"body_model.path={file}", *RULER)
     assert result.body_model == "smplx"
     assert result.warnings == plain.warnings
@@ -47,7 +47,7 @@ def test_the_ruler_and_the_contact_priors_know_other_bodies(world: World, file: 
     assert result.people[0].contact.mean() > 0.5 * plain.people[0].contact.mean()
 
 
-def test_a_body_given_by_joints_alone_has_the_same_height(
+def test_a_body_converted_by_its_joints_has_the_same_height(
     embedded: BodyModel, other_model: BodyModel, maps: None
 ) -> None:
     """As the ruler takes it: from the embedded body to the file's, and back by joints that lie elsewhere."""

@@ -51,7 +51,9 @@ def test_other_content_of_the_same_size_and_time_has_another_hash(
         assert remembered_sha256(path) == hashlib.sha256(content).hexdigest()
 
 
-def test_two_changes_within_a_step_of_the_clock_are_two(root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_two_changes_within_a_step_of_the_clock_are_both_noticed(
+    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     path = tmp_path / "weights"
     path.write_bytes(b"one")
     status = path.stat()

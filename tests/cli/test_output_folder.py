@@ -81,7 +81,7 @@ def test_a_photo_named_like_a_result_file_in_its_folder_is_refused_at_once(
     assert Path("out/preview.png").read_text() == "out/preview.png"
 
 
-def test_the_result_of_another_photo_is_refused_before_computing_and_replaced_with_overwrite(asked: list[Path]):
+def test_the_result_of_another_photo_is_replaced_only_with_overwrite(asked: list[Path]):
     assert folder_of(run(photo("x/a.jpg"), "-o", "out")) == "out"
     assert folder_of(run("x/a.jpg", "-o", "out")) == "out"
     done = run(photo("b.jpg"), "-o", "out")

@@ -49,7 +49,7 @@ def test_a_bad_photo_is_one_message_and_leaves_nothing(make: Callable[[Path], ob
     assert sorted(Path().iterdir()) == before
 
 
-def test_a_principal_point_outside_the_photo_is_refused_and_one_off_its_centre_warned_of(world: World):
+def test_a_principal_point_outside_the_photo_is_refused_and_one_off_centre_warns(world: World):
     Image.fromarray(world.image).save("a.png")
     done = run("a.png", "--intrinsics", "178,178,5000,5000")
     assert (done.exit_code, done.stdout) == (3, "")

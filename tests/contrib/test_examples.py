@@ -9,9 +9,7 @@ from typing import Any
 ROOT = Path(__file__).parents[2]
 
 
-def test_the_wheel_alone_is_listed_and_passes_the_kit_and_a_config_that_selects_it_runs(
-    environment, build, wheels, tmp_path
-):
+def test_the_wheel_of_the_example_is_listed_passes_the_kit_and_runs(environment, build, wheels, tmp_path):
     """That of the inpainter; the tutorial installs what the other example holds."""
     folder, interface, backend = ROOT / "contrib" / "physic-example-inpaint", "inpainter", "pull-push"
     environment.install(*wheels.glob("physic_core-*.whl"), *wheels.glob("physic_testing-*.whl"), build(folder))

@@ -97,7 +97,7 @@ def test_a_file_of_a_package_is_named_with_its_folders(site: Any):
     assert describe_error(caught(physic_deep.load), "physic_deep").endswith(" (physic_deep/__init__.py:3)")
 
 
-def test_lines_that_say_nothing_of_the_plugin_are_left_out(broken: Path):
+def test_only_lines_that_locate_an_error_of_the_plugin_are_named(broken: Path):
     (broken / "physic_typo.py").write_text("x = (\n")
     here = f"test_error_text.py:{caught.__code__.co_firstlineno + 2})"
     assert describe_error(caught(__import__, "physic_gone"), "physic_gone").endswith(here)

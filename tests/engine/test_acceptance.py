@@ -46,7 +46,7 @@ class Two:
 
 
 @pytest.mark.parametrize("settings", [LBFGS, ADAM], ids=["lbfgs", "adam"])
-def test_a_person_who_ends_worse_returns_to_the_start_alone(settings):
+def test_only_the_person_who_ends_worse_returns_to_the_start(settings):
     """The last update of the first person's view makes their start better than what they have reached."""
     energy = Two(after_refresh=STARTS[0])
     trace = replace(settings, refresh_steps=settings.steps).minimise(energy)

@@ -43,7 +43,7 @@ def test_surfaces_of_one_class_that_are_apart_have_different_ids():
     assert set(parts.label.tolist()) == {NAMES.index("seat")}
 
 
-def test_a_hidden_point_has_the_class_of_the_nearest_visible_one_and_a_raised_one_is_not_floor():
+def test_hidden_points_get_the_nearest_visible_class_and_raised_ones_are_not_floor():
     _, parts = parts_of(
         (square(0.0), "floor", True), (square(0.45, x=0.4), "seat", True), (square(0.45), "floor", False)
     )

@@ -67,7 +67,7 @@ def test_one_part_and_neighbours_in_the_rest_pose_do_not_touch():
     assert torch.isinf(own(0.0, 1)).all()
 
 
-def test_a_hand_at_the_thigh_touches_the_leg_and_a_body_in_the_rest_pose_touches_nothing(body, make_stage):
+def test_a_hand_on_the_thigh_touches_the_leg_and_a_rest_pose_touches_nothing(body, make_stage):
     bends = {"left_shoulder": (0.0, 0.0, -1.75)}  # the hand is inside the thigh
     rest = body(*body.zero_pose(1)).vertices
     posed = make_stage([(bends, (0.0, 0.0, 3.0))]).vertices

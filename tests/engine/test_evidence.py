@@ -140,7 +140,7 @@ def test_points_of_the_floor_are_left_to_the_plane(standing):
 
 
 @given(seed=st.integers(0, 2**16), reach=st.floats(0, 30))
-def test_round_a_pixel_lie_nine_pixels(seed, reach):
+def test_masks_are_sampled_at_a_pixel_and_eight_neighbours(seed, reach):
     g = torch.Generator().manual_seed(seed)
     uv = torch.rand(2, 50, 2, generator=g) * torch.tensor([60.0, 50.0]) - 10
     uv[0, 0] = torch.nan

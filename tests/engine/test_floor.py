@@ -162,7 +162,7 @@ def test_a_tilted_camera_beyond_the_roll_limit_finds_none(monkeypatch: pytest.Mo
     assert fit_floor(points, ALL).plane is not None
 
 
-def test_points_at_infinity_and_lies_about_validity_do_no_harm() -> None:
+def test_points_at_infinity_and_wrong_validity_change_nothing() -> None:
     normal = up(12)
     points = RAYS * meet(normal, 1.5)[..., None]  # inf above the horizon
     points[170:, :5] = math.nan

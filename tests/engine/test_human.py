@@ -159,7 +159,7 @@ def test_standing_people_keep_their_place_if_depth_is_too_far() -> None:
     assert error_cm(Picture(farther=1.15, settings=PAPER).place(PAPER)).min() > 40
 
 
-def test_only_those_whose_feet_are_seen_have_an_offset() -> None:
+def test_only_people_with_visible_feet_have_a_depth_offset() -> None:
     placed = Picture(farther=1.15).place(**FLOOR, feet_seen=torch.tensor([True, False]))
     assert depth_offsets(placed)[0] == pytest.approx(1 / 1.15, rel=2e-3)
     assert depth_offsets(placed)[1] == 1.0

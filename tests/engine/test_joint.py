@@ -170,7 +170,7 @@ def test_legs_that_the_photo_does_not_show_feel_no_floor(standing, monkeypatch):
     assert (JointEnergy(cut, SETTINGS).context.keypoints.weight[0, 25:] == 0).all()  # knees, ankles, heels, toes
 
 
-def test_unseen_feet_a_little_under_the_floor_are_pushed_out_and_leave_the_scene_its_scale(standing):
+def test_unseen_feet_just_under_the_floor_are_lifted_and_the_scale_stays(standing):
     """A floor that is 10 cm too high, and a person who is cut at the hips."""
     problem = standing.problem
     observed = hide_legs(problem)

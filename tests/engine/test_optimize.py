@@ -106,7 +106,7 @@ def random_hessians(people, size, generator):
 
 @pytest.mark.parametrize("count", [1, 2, 7, 40, 60])
 @pytest.mark.parametrize("people", [1, 3])
-def test_the_direction_of_one_group_is_that_of_the_two_loops(count, people):
+def test_one_group_has_the_direction_of_the_two_loop_recursion(count, people):
     g = torch.Generator().manual_seed(count)
     history, pairs, gradient = directions_of(
         random_hessians(people, 30, g), count, g, torch.zeros(people, dtype=torch.int64)
@@ -116,7 +116,7 @@ def test_the_direction_of_one_group_is_that_of_the_two_loops(count, people):
 
 
 @pytest.mark.parametrize("groups", [None, torch.tensor([0, 1, 1, 3])])
-def test_histories_of_groups_come_nearer_to_the_step_of_newton_than_one_history_of_all(groups):
+def test_a_history_for_each_group_gives_steps_nearer_to_newtons_than_one_history(groups):
     g = torch.Generator().manual_seed(0)
     people, size = 4, 3
     hessians, coupled = random_hessians(people, size, g), None
@@ -140,7 +140,7 @@ def test_histories_of_groups_come_nearer_to_the_step_of_newton_than_one_history_
     assert alike[0] > 0.9 > alike[1]
 
 
-def test_a_step_along_which_the_energy_bends_down_teaches_nothing_about_that_person():
+def test_a_step_of_negative_curvature_is_not_stored_for_that_person():
     history = LbfgsHistory()
     gradient = Gradient(torch.tensor([[3.0, 4.0], [0.0, 0.0]]), None)
     before, _ = history.direction(gradient)
@@ -153,14 +153,14 @@ def test_a_step_along_which_the_energy_bends_down_teaches_nothing_about_that_per
     torch.testing.assert_close(other[1], torch.tensor([-0.5, 0.0]))
 
 
-def test_looks_anew_at_least_every_thirty_steps():
+def test_visibility_is_updated_at_least_every_thirty_steps():
     energy = Bowl()
     trace = ADAM.minimise(energy)
     assert trace.steps == 100
     assert energy.refreshes == 4  # after 30, 60 and 90 steps, and at the end
 
 
-def test_stops_when_a_refreshs_steps_no_longer_help():
+def test_the_optimiser_stops_when_its_steps_hardly_lower_the_energy():
     energy = Bowl()
     progress: list[float] = []
     trace = replace(LBFGS, steps=1000, refresh_steps=10).minimise(energy, progress.append)

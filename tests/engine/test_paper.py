@@ -40,7 +40,7 @@ def start(two):
     )
 
 
-def test_the_energy_falls_and_everybody_moves(start):
+def test_the_energy_falls_and_all_people_move(start):
     result = optimize(start, PAPER)
     before, after = (sum(pair[k] for pair in result.losses.values()) for k in (0, 1))
     moved = (result.transl - start.transl0).norm(dim=-1)

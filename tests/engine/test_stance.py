@@ -104,11 +104,11 @@ def test_a_person_who_raises_one_arm_does_not_hang():
     assert hanging_posture(person(left=ARMS_UP | TOES_DOWN), NAMES).tolist() == [0.0]
 
 
-def test_nobody_has_no_feet():
+def test_an_array_of_no_people_gives_no_feet():
     assert touch_in_picture(np.zeros((0, 12, 2)), NAMES).shape == (0, 2)
 
 
-def test_a_foot_that_nothing_in_the_picture_is_as_near_as_touches_less():
+def test_a_foot_with_only_larger_depths_beside_it_touches_less():
     average = touch()[0]
     near, far = touch(beside=(0.01, 0.3))
     assert far < average < near
@@ -124,7 +124,7 @@ def test_a_foot_stands_by_its_touch_and_by_the_depth_behind_it():
     assert (standing_prior(touches, np.full((1, 2), np.nan), np.ones((1, 2), bool))[0] < unknown).all()
 
 
-def test_a_depth_too_near_for_a_foot_in_the_air_is_wrong_and_says_nothing_of_the_foot():
+def test_a_gap_too_large_for_a_lifted_foot_makes_the_depth_wrong_and_not_the_foot():
     touches = np.array([[0.8, 0.2]])
     unknown, _ = standing_prior(touches, np.full((1, 2), np.nan), None)
     absurd, wrong = standing_prior(touches, np.full((1, 2), 2.3), None)
@@ -134,7 +134,7 @@ def test_a_depth_too_near_for_a_foot_in_the_air_is_wrong_and_says_nothing_of_the
     assert right > 0.9
 
 
-def test_people_neither_of_whose_feet_probably_touches_are_in_the_air():
+def test_people_with_both_feet_probably_off_the_ground_are_in_the_air():
     lower = np.array([[0.0, 0.0], [-1.0, 1.0], [0.0, 0.0]])
     beside = np.array([[0.01] * 5, [0.01] * 5, [0.3] * 5])
     assert replace(Stance.unknown(3), lower=lower, beside=beside).in_air.tolist() == [False, False, True]
@@ -164,7 +164,7 @@ def people_of(problem):
     return found, photo
 
 
-def test_the_depth_beside_feet_on_the_floor_is_theirs_and_behind_feet_in_the_air_it_is_farther(make_stage):
+def test_depth_beside_feet_on_the_floor_is_theirs_and_is_larger_behind_lifted_feet(make_stage):
     on_floor, over_it = (
         depth_beside(*people_of(make_stage([({}, (0.0, 0.0, 3.0))], stands_at=y).problem))[0] for y in (1.3, 0.9)
     )

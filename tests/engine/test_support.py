@@ -154,7 +154,7 @@ def test_feet_that_the_photo_does_not_show_stand_on_something_hidden(posed):
 
 @pytest.mark.parametrize("bends", [{}, HANGS])
 @pytest.mark.parametrize("touching", [(), ("left_hand",)])
-def test_people_whose_feet_the_photo_shows_stand_on_nothing_hidden_and_hold_nothing_hidden(posed, bends, touching):
+def test_people_with_visible_feet_get_no_hidden_support(posed, bends, touching):
     model, body = posed(bends)
     found = find_support(model, body, evidence(model, *touching, holds=True), UP, assume=True)
     assert not found.hidden.any()
@@ -189,7 +189,7 @@ def test_the_distance_to_the_hull_is_that_of_its_edges(seed, count):
         assert distance - slack <= found <= distance + 1e-9
 
 
-def test_the_record_has_the_large_likely_contacts_that_carry_with_the_probability_of_the_list(posed):
+def test_a_support_lists_its_large_likely_contacts_with_their_probability(posed):
     model, body = posed(SITS)
     found = find_support(model, body, evidence(model, "left_sole", "right_sole", sits=True), UP, assume=True)
     floor, seat = ContactPartner("floor", "floor"), ContactPartner("hidden", "seat")

@@ -97,7 +97,7 @@ def test_a_file_with_the_mark_at_an_end_may_be_replaced(tmp_path: Path, text: st
     ],
     ids=["text", "empty", "middle", "folder", "link to nothing", "link to an own file"],
 )
-def test_everything_else_is_of_the_user(tmp_path: Path, make: Callable[[Path], None]):
+def test_a_file_without_the_mark_at_an_end_belongs_to_the_user(tmp_path: Path, make: Callable[[Path], None]):
     (tmp_path / "own").write_text(MARK)
     make(path := tmp_path / "table.txt")
     with pytest.raises(OutputError, match=f"cannot write {path}: a file that PhySIC did not write"):

@@ -81,7 +81,7 @@ def test_one_wall_with_hardly_anything_level_is_far_less_firm_than_a_room() -> N
     assert wall.confidence < 0.25 * room.confidence
 
 
-def test_a_wall_seen_from_straight_ahead_leaves_up_a_direction_that_nothing_makes_firm() -> None:
+def test_a_single_frontal_wall_gives_an_up_direction_without_confidence() -> None:
     estimate = estimate_up(torch.tensor([[0.0, 0.0, -1.0]]).expand(1000, 3))
     assert float(torch.linalg.vector_norm(estimate.up)) == pytest.approx(1.0)
     assert estimate.confidence == 0.0

@@ -13,7 +13,7 @@ LOSSES = ("geman_mcclure", "cauchy", "pseudo_huber")
 
 @pytest.mark.parametrize("kind", LOSSES)
 @pytest.mark.parametrize("c", [0.015, 100.0])
-def test_is_the_square_near_zero(kind, c):
+def test_a_loss_is_the_square_near_zero(kind, c):
     x = torch.tensor([1e-3, -1e-3], dtype=torch.float64) * c
     torch.testing.assert_close(robust_loss(kind, x**2, c), x**2, rtol=1e-5, atol=0)
 

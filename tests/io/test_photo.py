@@ -111,7 +111,7 @@ def test_an_unusable_file_is_refused_with_its_path_and_the_reason(name, tmp_path
     assert reason in message
 
 
-def test_a_photo_that_may_not_be_read(tmp_path, monkeypatch):
+def test_a_photo_without_read_permission_is_refused(tmp_path, monkeypatch):
     def refuse(*_):  # root may read everything, so that a mode of 0 would not do
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
@@ -193,7 +193,7 @@ def test_a_jpeg_with_missing_pixels_is_refused(tmp_path, options):
         assert "damaged or truncated" in message_of(path)
 
 
-def test_heic_without_its_package(tmp_path, monkeypatch):
+def test_a_heic_file_without_its_package_names_the_package(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pi_heif", None)
     path = tmp_path / "IMG_0001.HEIC"
     path.write_bytes(b"\x00\x00\x00\x18ftypheic\x00\x00\x00\x00mif1heic" + bytes(64))

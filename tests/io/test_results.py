@@ -104,7 +104,7 @@ FILES = {
 
 
 @pytest.mark.parametrize("save", FILES)
-def test_the_files_of_a_result(tmp_path, reconstruction, save):
+def test_a_saved_result_has_exactly_its_files(tmp_path, reconstruction, save):
     save_reconstruction(reconstruction, tmp_path)
     (tmp_path / "notes.txt").write_text("mine")
     for _ in range(2):
@@ -186,7 +186,7 @@ def test_a_failing_write_leaves_the_former_result(tmp_path, make, monkeypatch, a
     assert not list(tmp_path.glob(".*"))
 
 
-def test_out_may_not_be_written(tmp_path, monkeypatch):
+def test_a_folder_without_write_permission_is_refused(tmp_path, monkeypatch):
     def refuse(self, _):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(self))
 
@@ -248,7 +248,7 @@ FX = '"fx": 128.0'
     ],
     ids=["version", "kind", "grade", "nan", "infinite", "nested", "deep", "digits", "missing", "size", "run"],
 )  # fmt: skip
-def test_values_that_do_not_belong(folder, before, after, word):
+def test_a_document_with_invalid_values_is_refused(folder, before, after, word):
     path = folder / "reconstruction.json"
     text = path.read_text(encoding="utf-8")
     assert before in text
@@ -288,7 +288,7 @@ def change_arrays(folder: Path, change: Callable[[dict[str, Any]], Any]) -> None
     ],
     ids=["shared", "person", "faces", "partners", "vertices", "dtype", "byte order", "dimensions", "pickle"],
 )  # fmt: skip
-def test_arrays_that_do_not_belong(folder, change, word):
+def test_invalid_or_missing_arrays_are_refused(folder, change, word):
     change_arrays(folder, change)
     assert word in message_of(folder)
 
@@ -336,7 +336,7 @@ def test_a_small_file_cannot_fill_the_memory(folder, monkeypatch):
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
 @pytest.mark.parametrize("name", ["reconstruction.json", "reconstruction.npz"])
-def test_a_pipe_in_place_of_a_file(folder, name):
+def test_a_pipe_in_place_of_a_file_is_refused(folder, name):
     (folder / name).unlink()
     os.mkfifo(folder / name)
     assert "not a regular file" in message_of(folder)

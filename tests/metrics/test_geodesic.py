@@ -110,7 +110,7 @@ def test_unreachable_vertices_are_counted_separately():
     assert error.unreachable == 2
 
 
-def test_people_in_a_batch_on_the_body():
+def test_geodesic_errors_of_several_people_are_computed_at_once():
     body = load_body("embedded")
     rotations, betas, transl = body.zero_pose()
     rest = body(rotations, betas, transl).vertices[0].numpy()

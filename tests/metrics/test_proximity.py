@@ -36,7 +36,7 @@ def wall_view(depth):
 
 
 @given(st.floats(-0.9, 0.9), st.floats(2.4, 5.0), st.floats(-0.14, 0.14))
-def test_over_a_floor_the_distance_is_the_height_and_not_the_way_to_the_next_pixel(x, z, height):
+def test_the_distance_over_a_floor_is_the_height_and_not_that_of_the_next_pixel(x, z, height):
     found = scene_distance(np.array([[x, 1.5 - height, z]]), *floor_view(), CAMERA)
     assert found.distance == pytest.approx(height, abs=1e-9)
     np.testing.assert_allclose(found.normal[0], UP)
@@ -103,7 +103,7 @@ def test_hidden_is_what_lies_behind_in_the_image():
 
 
 @pytest.mark.parametrize("name", ["stand", "sit_on_stool", "hug"])
-def test_of_a_world_the_measure_finds_the_truth(name):
+def test_the_distances_of_a_world_are_measured(name):
     world = build_world(name)
     points = world.points(people=False)
     valid = np.isfinite(points).all(-1)

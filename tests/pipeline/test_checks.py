@@ -143,7 +143,9 @@ def test_nothing_fails_where_all_is_well() -> None:
         ({"unposed": ("somebody", "another")}, "unposed_people", 2.0, ""),
     ],
 )
-def test_what_fails_of_a_photo_and_is_its_warning(changes: dict[str, Any], name: str, value: float, word: str) -> None:
+def test_a_fault_of_a_photo_fails_its_check_and_is_a_warning(
+    changes: dict[str, Any], name: str, value: float, word: str
+) -> None:
     (failed,) = [d for d in run_checks(*case(**changes)) if d.failed]
     assert (failed.name, failed.person) == (name, None)
     assert failed.value == pytest.approx(value)
@@ -185,14 +187,14 @@ def test_what_fails_of_a_photo_and_is_its_warning(changes: dict[str, Any], name:
         ({"joints": np.full((55, 3), np.nan)}, ()),
     ],
 )
-def test_what_fails_of_a_person(changes: dict[str, Any], names: tuple[str, ...]) -> None:
+def test_a_fault_of_a_person_fails_its_checks(changes: dict[str, Any], names: tuple[str, ...]) -> None:
     found = run_checks(*case(**changes))
     assert failed_checks(found, 0) == names
     assert [d.name for d in found if d.failed] == list(names)
     assert failed_checks(found, 1) == ()
 
 
-def test_a_ruler_is_held_against_the_depth_as_it_was_given() -> None:
+def test_bodies_are_compared_with_the_metric_depth_before_it_is_scaled() -> None:
     assert failing(report={"depth_ratio": 1.3}, scale=0.8) == [("depth_vs_bodies", None)]
     assert failing(report={"depth_ratio": 1.3}, scale=1.1) == []
 

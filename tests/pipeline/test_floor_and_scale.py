@@ -144,7 +144,7 @@ def test_a_lifted_person_does_not_stand_and_hardly_moves_the_scale():
     assert found.stance.stands[1].max() < 0.2
 
 
-def test_the_plane_on_which_somebody_stands_is_the_floor(world):
+def test_the_plane_on_which_a_person_stands_is_the_floor(world):
     """A table of as many pixels would make these people giants."""
     table = level_floor(0.6)
     for order in ((table, *FLOOR), (FLOOR[0], table, NO_FLOOR)):

@@ -130,7 +130,7 @@ def test_a_person_without_a_body_stays_and_the_other_is_unchanged(
     ("kind", "interface"),
     [(LoseHands, "hand_estimator"), (LoseContact, "contact_prior"), (LoseKeypoints, "keypoint_detector")],
 )
-def test_what_else_is_lost_of_a_person_is_named_and_their_body_is_kept(
+def test_other_invalid_results_of_a_person_are_named_and_the_body_is_kept(
     world: World, sound: Reconstruction, alone: Person, kind: type, interface: str
 ) -> None:
     result = run(world, kind, interface)
@@ -144,7 +144,7 @@ def test_what_else_is_lost_of_a_person_is_named_and_their_body_is_kept(
     assert result.people[KEPT].failed_checks == sound.people[KEPT].failed_checks
 
 
-def test_whom_the_optimisation_cannot_take_along_is_named_and_the_other_goes_on(
+def test_a_person_who_cannot_be_optimised_is_named_and_the_other_goes_on(
     world: World, sound: Reconstruction, alone: Person, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     plain = joint._finite_energy
@@ -174,7 +174,7 @@ def test_no_valid_body_at_all_is_an_error(world: World) -> None:
         run(world, LoseBodies, "body_estimator")
 
 
-def test_lost_rows_become_what_stands_for_nothing() -> None:
+def test_invalid_rows_become_the_values_for_unknown() -> None:
     points = np.ones((3, 4, 2))
     points[1, 2] = np.nan
     keypoints, lost = discard_invalid_keypoints(Keypoints(points, np.full((3, 4), 0.5), "x", np.full((3, 4, 3), 2.0)))

@@ -209,7 +209,7 @@ def test_an_impossible_size_is_refused(setting: str, message: str) -> None:
         load_config(preset="mock", overrides=[f"photo.{setting}"])
 
 
-def test_sizes_on_the_command_line(tmp_path, stand: World) -> None:
+def test_sizes_of_the_command_line_are_in_the_result(tmp_path, stand: World) -> None:
     from PIL import Image
 
     photo = tmp_path / "photo.png"

@@ -116,7 +116,7 @@ def test_dilate_grows_by_a_disc() -> None:
     assert grown.sum() == pytest.approx(np.pi * 25, rel=0.15)
 
 
-def test_feet_are_what_is_seen_of_them_in_the_picture() -> None:
+def test_pixels_of_feet_are_confident_and_inside_the_image() -> None:
     keypoints = Keypoints(np.zeros((1, 33, 2)), np.zeros((1, 33)), "blazepose33")
     keypoints.points[0, 29:] = [[10, 90], [20, 90], [30, 200], [40, 90]]
     keypoints.confidence[0, 27:] = [1, 1, 0.9, 0.4, 0.9, 0.9]

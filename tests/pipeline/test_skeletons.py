@@ -16,7 +16,7 @@ from .consistency import consistency
 
 
 @pytest.mark.parametrize("skeleton", ["coco17", "halpe26", "coco_wholebody133"])
-def test_the_mock_world_is_reconstructed_from(skeleton: str, world: World) -> None:
+def test_a_mock_world_is_reconstructed_from_each_skeleton(skeleton: str, world: World) -> None:
     # A sure metric depth: otherwise the distance is mostly its scale's.
     sure = "metric_depth.options.noise=0"
     config = load_config(preset="mock", overrides=[f"keypoint_detector.options.skeleton={skeleton}", sure])

@@ -144,7 +144,7 @@ def test_one_lower_bound_of_a_requirement_holds_everywhere(name: str):
 
 
 @pytest.mark.parametrize("file", ["requirements.txt", "requirements-dev.txt"])
-def test_every_plugin_is_installed_by(file: str):
+def test_the_requirements_install_every_plugin(file: str):
     lines = {line.partition("[")[0] for line in (ROOT / file).read_text().splitlines()}
     assert {f"-e plugins/{name}" for name in PROJECTS if name != "physic-core"} <= lines
     assert "-c constraints.txt" in lines

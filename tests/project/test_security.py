@@ -30,7 +30,7 @@ TABLES = {
     },
     "Limits of what is read": {
         "a setting": "test_every_setting_is_bounded",
-        "a photo, a file of masks": "test_decoding_the_most_pixels_of_each_format",
+        "a photo, a file of masks": "test_decoding_the_largest_image_of_each_format",
         "a photo, in a worker of `physic batch` or `physic serve`": "test_a_worker_takes_no_more_memory",
         "a JPEG": "test_the_number_of_scans_is_bounded",
         "arrays in a result, an archive or the cache": "test_arrays_of_more_than_4_gb_are_refused",
@@ -39,11 +39,11 @@ TABLES = {
 LISTS = {
     "Weights": {
         "A run downloads nothing.": "test_a_test_that_uses_the_network_fails",
-        "A downloaded file is compared": "test_a_wrong_hash_is_said_and_the_file_removed",
+        "A downloaded file is compared": "test_a_wrong_hash_is_reported_and_the_file_removed",
         "`physic weights verify` repeats": "test_verify_lists_what_differs_and_what_has_no_published_hash",
         "A run compares a weight file": "test_a_damaged_file_is_refused_and_not_missing",
         "The embedded networks and the embedded body": "test_a_network_with_one_other_bit test_a_changed_asset",
-        "A file from a zip archive": "test_names_inside_a_zip_decide_no_place",
+        "A file from a zip archive": "test_names_inside_a_zip_cannot_leave_the_folder",
         "A weight set with a restricted licence": "test_restricted_weights_are_fetched_only_with_accept_licence",
     },
     "Files that PhySIC writes": {

@@ -105,7 +105,7 @@ def test_a_broken_list_is_a_row(plugin: Any, site: Any, monkeypatch):
     assert re.search(r"'nothing'.*physic-odd 1\.0", done.stderr, re.DOTALL)
 
 
-def test_fetch_and_verify(plugin: Any, own_cache: Path):
+def test_a_fetched_set_is_kept_and_verified(plugin: Any, own_cache: Path):
     there = own_cache / "free" / "free.onnx"
     done = physic("fetch", "free")
     assert (done.exit_code, str(there) in done.stdout) == (0, True)
@@ -124,7 +124,7 @@ def test_fetch_goes_on_with_the_others(plugin: Any, own_cache: Path):
     assert "physic weights fetch gated --accept-licence" in done.stderr
 
 
-def test_fetch_to_a_folder_that_another_machine_reads_offline(plugin: Any, tmp_path: Path, server: Any, monkeypatch):
+def test_a_fetched_folder_is_read_offline_by_another_machine(plugin: Any, tmp_path: Path, server: Any, monkeypatch):
     stick = tmp_path / "stick"
     done = physic("fetch", "free", "--to", str(stick))
     assert (done.exit_code, str(stick / "free") in done.stdout) == (0, True)
@@ -134,7 +134,9 @@ def test_fetch_to_a_folder_that_another_machine_reads_offline(plugin: Any, tmp_p
     assert f"already in {stick / 'free' / 'free.onnx'}" in physic("fetch", "free").stdout
 
 
-def test_a_name_that_two_plugins_have(plugin: Any, site: Any, server: Any, monkeypatch, own_cache: Path):
+def test_a_name_that_two_plugins_list_needs_its_distribution(
+    plugin: Any, site: Any, server: Any, monkeypatch, own_cache: Path
+):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-nets,physic-more,physic-setup")
     site.list_weights("physic-more", manifest(f"{server.address}/gone"))
     done = physic("verify", "free")

@@ -89,7 +89,7 @@ def test_ctrl_c_leaves_no_part_of_a_file(server: Any, own_cache: Path, monkeypat
     assert left(own_cache) == []
 
 
-def test_a_wrong_hash_is_said_and_the_file_removed(server: Any, own_cache: Path):
+def test_a_wrong_hash_is_reported_and_the_file_removed(server: Any, own_cache: Path):
     other = CONTENT[::-1]
     url = server.add("/model.onnx", other)
     message = refusal(weights(WeightFile("model.onnx", len(CONTENT), HASH, url)))
@@ -106,7 +106,7 @@ def test_a_file_of_another_size_is_removed(server: Any, own_cache: Path, size: i
 
 
 @pytest.mark.parametrize("code", [401, 404, 500])
-def test_a_refusal_of_a_server_is_said_with_the_homepage(server: Any, code: int):
+def test_a_refusal_of_a_server_is_reported_with_the_homepage(server: Any, code: int):
     url = server.add("/model.onnx", status=code)
     message = refusal(one(url, homepage="https://example.org/net"))
     assert str(code) in message
@@ -119,7 +119,7 @@ def test_a_missing_network_connection_is_reported(server: Any):
     assert refusal(one(url)).startswith(url)
 
 
-def test_a_folder_that_cannot_be_made_is_said(server: Any, own_cache: Path):
+def test_a_folder_that_cannot_be_made_is_reported(server: Any, own_cache: Path):
     own_cache.parent.mkdir(parents=True)
     own_cache.write_text("not a folder")
     with pytest.raises(OutputError, match="Not a directory"):
@@ -167,7 +167,7 @@ def test_members_come_out_of_a_zip(server: Any, own_cache: Path):
     assert left(own_cache) == ["net/deep/b", "net/model.onnx"]
 
 
-def test_names_inside_a_zip_decide_no_place(server: Any, own_cache: Path, tmp_path: Path):
+def test_names_inside_a_zip_cannot_leave_the_folder(server: Any, own_cache: Path, tmp_path: Path):
     members = {"../../evil": b"evil", "/abs": b"evil", "a": b"a"}
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w") as archive:

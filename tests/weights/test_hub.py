@@ -102,7 +102,7 @@ def test_a_set_of_one_repository_comes_into_the_librarys_cache(hub: Hub, lists: 
     assert len(hub.server.asked) == asked
 
 
-def test_what_lies_otherwise_in_its_repository_comes_into_our_folder(hub: Hub, own_cache: Path):
+def test_files_at_other_paths_of_a_repository_go_into_our_folder(hub: Hub, own_cache: Path):
     both = weights(
         WeightFile("encoder.onnx", source=hub.add("v2/enc.onnx", CONTENT)),
         WeightFile("decoder.onnx", source=hub.add("dec.onnx", CONFIG, repository="owner/other")),
@@ -112,9 +112,7 @@ def test_what_lies_otherwise_in_its_repository_comes_into_our_folder(hub: Hub, o
     assert fetch(both) == ()
 
 
-def test_files_that_are_here_in_several_places_are_brought_together_without_a_network(
-    hub: Hub, own_cache: Path, server: Any, lists: Any
-):
+def test_files_in_several_places_are_gathered_without_a_network(hub: Hub, own_cache: Path, server: Any, lists: Any):
     one = {"path": "encoder.onnx", "source": hub.add("encoder.onnx", CONTENT)}
     other = {"path": "decoder.onnx", "source": hub.add("decoder.onnx", CONFIG, repository="owner/other")}
     for file in (one, other):
@@ -167,7 +165,7 @@ def test_a_token_goes_to_the_hub_and_not_to_where_it_sends_us(hub: Hub, server: 
     assert tokens == {"/owner/net/resolve/main/model.onnx": "Bearer hf_mine", f"/cdn/{HASH}": None}
 
 
-def test_a_gated_repository_is_said(hub: Hub):
+def test_a_gated_repository_is_reported(hub: Hub):
     source = hub.refuse("model.onnx", 403, "GatedRepo", "Access to model owner/net is restricted")
     assert "restricted" in refusal(source)
 

@@ -120,7 +120,7 @@ def test_one_name_in_two_manifests_is_an_error(tmp_path: Path):
     assert "b.toml" in fault(tmp_path)
 
 
-def test_a_list_that_is_not_there(tmp_path: Path):
+def test_a_missing_manifest_is_an_error(tmp_path: Path):
     with pytest.raises(
         BackendError, match=r"^the weight manifest .*no\.toml cannot be read: No such file or directory$"
     ):

@@ -50,7 +50,7 @@ def evaluated(root: Path, out: Path, *arguments: str) -> dict[str, float]:
     return figures(out, "theirs")
 
 
-def test_a_shift_of_5_cm_is_5_cm(root: Path, tmp_path: Path):
+def test_a_shift_of_5_cm_has_an_error_of_5_cm(root: Path, tmp_path: Path):
     found = evaluated(root, tmp_path / "out", "--results", results(tmp_path, moved(TRUE, 0.03, 0, 0.04)))
     assert found == {
         "found": 1.0,
@@ -103,7 +103,7 @@ def test_results_in_another_frame_of_reference_are_refused(root: Path, tmp_path:
     assert "do not project onto the annotated people" in done.output
 
 
-def test_what_is_wrong_with_the_truth_is_named(root: Path, tmp_path: Path):
+def test_faults_of_the_truth_are_named(root: Path, tmp_path: Path):
     arguments = ("calibrated", str(root), "-o", str(tmp_path / "out"), "--preset", "mock")
     (root / "p1.png").unlink()
     assert f"{root / 'p1.png'}: the photo is not there" in run(*arguments).output

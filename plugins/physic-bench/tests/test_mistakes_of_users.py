@@ -48,7 +48,7 @@ def test_results_of_another_data_set_are_refused(root: Path):
     assert "expects FRAME.npz" in text
 
 
-def test_a_reader_that_there_is_not(root: Path):
+def test_an_unknown_reader_is_refused(root: Path):
     text = call(root, f"other=plian:{root}", fails=True)
     assert text.startswith("no reader is named 'plian': choose one of physic, plain")
 

@@ -63,7 +63,7 @@ def test_the_truth_itself_has_no_error(mini: Miniature, files: Files, tmp_path: 
     assert "joints compared: 22 (posed SMPL-X)" in text
 
 
-def test_5_cm_down_are_5_cm_in_all_of_it(mini: Miniature, files: Files, tmp_path: Path):
+def test_a_shift_of_5_cm_down_has_an_error_of_5_cm_in_every_measure(mini: Miniature, files: Files, tmp_path: Path):
     down = -0.05 * TO_SCENE[2, :3]
     found = evaluated(mini, files, tmp_path, results(tmp_path, mini, lambda points: points + down))
     assert (found["me_mpjpe"], found["me_pve"], found["rt_error"]) == pytest.approx((50, 50, 50), abs=0.01)
@@ -111,7 +111,7 @@ def test_a_model_file_of_another_gender_is_refused(mini: Miniature, files: Files
     assert "posed by SMPLX_NEUTRAL.npz, is" in done.output
 
 
-def test_a_list_or_some_of_all_frames(mini: Miniature, files: Files, tmp_path: Path):
+def test_frames_are_chosen_by_a_list_or_a_limit(mini: Miniature, files: Files, tmp_path: Path):
     (tmp_path / "list.txt").write_text("vicon_03301_01/s001_frame_00001__00.00.01.023\n")
     listed = DATA_SET.frames(mini.root, Choice(tmp_path / "list.txt"), files.bodies, "auto")
     assert [f.id for f in listed.frames] == ["vicon_03301_01/s001_frame_00001__00.00.01.023"]

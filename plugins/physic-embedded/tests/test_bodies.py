@@ -144,7 +144,7 @@ def stating(seen: Truth, depth_sigma: float | np.ndarray = 0.07) -> Truth:
     return replace(seen, keypoints=replace(seen.keypoints, **errors))
 
 
-def test_nothing_of_blazeposes_habits_is_applied_to_landmarks_that_state_their_errors(backend: EmbeddedBodies) -> None:
+def test_landmarks_with_stated_errors_get_no_corrections_for_blazepose(backend: EmbeddedBodies) -> None:
     seen = stating(truth([STANDS, WALKS, SITS], PLACES, skeleton="coco23"))
     alone, on_floor = fit(backend, seen), fit(backend, seen, FLOOR)
     miss = miss_mm(posed(alone)[0], seen.joints)

@@ -74,7 +74,7 @@ def test_the_mask_of_a_pose_is_covered_in_grey() -> None:
     assert not image.any()
 
 
-def test_the_square_of_an_upper_half_reaches_as_far_below_the_box_as_above_its_lower_edge() -> None:
+def test_the_square_of_an_upper_half_is_centred_on_the_lower_edge_of_the_box() -> None:
     square = square_from_upper_half(np.array([10.0, 20.0, 30.0, 60.0]))
     assert (square.center.tolist(), square.side) == ([19.5, 60.0], 100.0)
 

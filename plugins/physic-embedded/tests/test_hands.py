@@ -149,7 +149,7 @@ def test_no_hand_is_found_where_there_is_none(estimator: EmbeddedHands, skeleton
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_of_two_hands_at_one_wrist_the_one_of_the_side_is_taken(monkeypatch: pytest.MonkeyPatch, side: str) -> None:
+def test_the_hand_of_the_right_side_is_taken_of_two_at_one_wrist(monkeypatch: pytest.MonkeyPatch, side: str) -> None:
     palm = SimpleNamespace(box=np.array([80.0, 80, 112, 112]), keypoints=np.full((7, 2), 96.0))
     palm.keypoints[2] = 96.0, 70.0
     left, right = np.full((21, 2), 112.0), np.full((21, 2), 112.0)

@@ -20,7 +20,7 @@ def scene(height: int, width: int) -> np.ndarray:
     return image
 
 
-def test_a_thing_before_a_wall_is_gone(inpainter: MiGan) -> None:
+def test_an_object_in_front_of_a_wall_is_removed(inpainter: MiGan) -> None:
     image = scene(400, 500)
     mask = np.zeros((400, 500), bool)
     mask[100:300, 220:280] = True

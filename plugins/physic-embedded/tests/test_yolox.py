@@ -60,7 +60,7 @@ def test_a_box_lies_at_its_cell_in_the_photo() -> None:
     np.testing.assert_allclose(found.scores[0], 0.9)
 
 
-def test_the_network_gets_blue_first_at_the_top_left_of_a_grey_canvas() -> None:
+def test_yolox_gets_bgr_at_the_top_left_of_a_grey_canvas() -> None:
     network = Network(60, 120)
     image = np.zeros((208, 416, 3), np.uint8)
     image[..., 0], image[..., 2] = 200, 30
@@ -71,7 +71,7 @@ def test_the_network_gets_blue_first_at_the_top_left_of_a_grey_canvas() -> None:
     np.testing.assert_array_equal(canvas[:, 300, 200], [PADDING_VALUE] * 3)
 
 
-def test_a_box_at_the_inner_edge_of_a_tile_is_dropped_and_one_at_the_photos_edge_is_kept() -> None:
+def test_boxes_at_inner_edges_of_tiles_are_dropped_and_at_photo_edges_kept() -> None:
     """Tiles of 416 px show the marks at their own size; the full photo of 832 px does not pass ``min_score``."""
     network = Network(60, 120)
     image = photo(832, 832, (30, 200), (415, 600))

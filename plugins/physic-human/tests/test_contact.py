@@ -122,7 +122,7 @@ def test_deco_gives_smpls_labels_with_smpls_t_pose(deco: Callable[..., Deco], sm
     np.testing.assert_array_equal(found.rest.vertices, wanted.vertices)
 
 
-def test_older_decos_are_built_as_they_want(deco: Callable[..., Deco]) -> None:
+def test_older_versions_of_deco_get_their_own_arguments(deco: Callable[..., Deco]) -> None:
     found = deco(OLD_DECO).infer(np.zeros((200, 300, 3), np.uint8), people([[100, 40, 180, 140]]), NOBODY)
     np.testing.assert_allclose(found.probability[0, 0], 0.75)
 

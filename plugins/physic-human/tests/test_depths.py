@@ -48,7 +48,7 @@ def moge(stub: Callable[..., Path], tmp_path: Path) -> Moge1:
     return backend
 
 
-def test_moge_is_shown_red_first_between_0_and_1(moge: Moge1) -> None:
+def test_moge_gets_rgb_from_0_to_1(moge: Moge1) -> None:
     image = np.zeros((60, 80, 3), np.uint8)
     image[:] = [255, 51, 0]
     moge.infer(image, Hints())

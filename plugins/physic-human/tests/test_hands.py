@@ -283,7 +283,7 @@ def test_wilor_can_repeat_the_papers_exchange_of_channels(stub: Callable[..., Pa
     np.testing.assert_allclose(network_of(backend).seen[0][0, 128, 128], [200, 100, 10], atol=1)
 
 
-def test_left_hands_are_shown_in_a_mirror_and_read_in_it(wilor: Wilor) -> None:
+def test_left_hands_are_mirrored_for_the_network_and_back(wilor: Wilor) -> None:
     picture = coordinates(200, 300)
     hands = wilor.infer(picture, *keypoints({"left": [60, 80, 100, 110], "right": [180, 80, 220, 110]}))
     left, right = (place_of(crop[..., ::-1], 200, 300) for crop in network_of(wilor).seen[0])
@@ -296,7 +296,7 @@ def test_left_hands_are_shown_in_a_mirror_and_read_in_it(wilor: Wilor) -> None:
     np.testing.assert_allclose(hands.wrists[0], [[0.2, -0.2, -0.2], [0.2, 0.2, 0.2]], atol=1e-6)
 
 
-def test_large_hands_are_smoothed_before_they_are_made_small(wilor: Wilor) -> None:
+def test_large_hands_are_blurred_before_downsampling(wilor: Wilor) -> None:
     stripes = np.zeros((1300, 1300, 3), np.uint8)
     stripes[:, ::2] = 255
     wilor.infer(stripes, *keypoints({"right": [350, 350, 950, 950]}))
@@ -306,7 +306,7 @@ def test_large_hands_are_smoothed_before_they_are_made_small(wilor: Wilor) -> No
     assert abs(seen.mean() - 127.5) < 2
 
 
-def test_photos_are_not_wilors_to_change_and_hands_come_in_batches(wilor: Wilor) -> None:
+def test_wilor_gets_hands_in_batches_and_does_not_change_the_photo(wilor: Wilor) -> None:
     wilor.options = wilor.options.model_copy(update={"batch": 1})
     image = np.random.default_rng(0).integers(0, 255, (200, 300, 3)).astype(np.uint8)
     before = image.copy()

@@ -146,7 +146,7 @@ def sam(make_sam: Callable[..., Sam3dBody]) -> Sam3dBody:
     return backend
 
 
-def test_it_is_given_boxes_the_camera_and_red_first(sam: Sam3dBody, capsys: pytest.CaptureFixture[str]) -> None:
+def test_sam_3d_body_gets_boxes_camera_and_rgb(sam: Sam3dBody, capsys: pytest.CaptureFixture[str]) -> None:
     image = np.zeros((48, 64, 3), np.uint8)
     image[:] = [200, 100, 10]
     sam.infer(image, people(), CAMERA, NUM_KEYPOINTS, Hints())

@@ -44,7 +44,7 @@ class TestOneSignature:
         assert (found.inputs["image"].name, found.outputs["depth"].name) == ("image", name)
         assert list(found.outputs) == ["depth"]
 
-    def test_by_place_only_where_it_is_allowed(self, file):
+    def test_ports_match_by_position_only_where_allowed(self, file):
         network, wanted = file(IMAGE, depth(name="out_0")), [PortSpec("depth", shape=(None, None, None))]
         assert match(network, [WANTED_IMAGE], wanted, by_position=True).outputs["depth"].name == "out_0"
         with pytest.raises(BackendError, match="there is no output 'depth'"):
@@ -57,12 +57,12 @@ class TestOneSignature:
         with pytest.raises(BackendError, match="there is no output 'depth'"):
             match(file(IMAGE, depth(name="mask")), [WANTED_IMAGE], wanted, by_position=True)
 
-    def test_optional_output_may_lack_and_an_optional_input_too(self, file):
+    def test_optional_inputs_and_outputs_may_be_absent(self, file):
         inputs = [WANTED_IMAGE, PortSpec("points", optional=True)]
         found = match(file(IMAGE, depth()), inputs, [PortSpec("depth"), PortSpec("normal", optional=True)])
         assert (list(found.inputs), list(found.outputs)) == (["image"], ["depth"])
 
-    def test_input_of_which_nothing_is_known_is_a_fault(self, file):
+    def test_an_input_without_a_spec_is_refused(self, file):
         network = file({**IMAGE, "camera": ("float32", (3, 3))}, depth())
         with pytest.raises(BackendError, match="nothing is known of its input 'camera'"):
             match(network, [WANTED_IMAGE], [PortSpec("depth")])
@@ -94,7 +94,7 @@ class TestOneSignature:
         found = match(file(IMAGE, depth(shape=())), [WANTED_IMAGE], [PortSpec("depth", shape=("batch", None, None))])
         assert found.outputs["depth"].shape == ()
 
-    def test_running_by_the_names_of_the_adapter(self, graph, node, tmp_path):
+    def test_a_network_runs_by_the_names_of_the_adapter(self, graph, node, tmp_path):
         path = graph(
             tmp_path / "a.onnx",
             {"input_0": IMAGE["image"]},

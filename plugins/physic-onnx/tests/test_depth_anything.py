@@ -114,7 +114,7 @@ class TestExports:
         assert answer.valid[52:].all()
         assert np.isfinite(answer.points).all()
 
-    def test_fixed_size_is_squashed_to_and_said(self, contract_graph):
+    def test_a_fixed_input_size_squashes_the_photo_and_is_noted(self, contract_graph):
         path = contract_graph(shape=(1, 3, 70, 70), map_shape=(1, 70, 70), sigmoid=True)
         image = ramp(100, 300)
         answer = metric(path).infer(image, Hints())
@@ -137,7 +137,7 @@ class TestExports:
             depth[:, 0], np.clip(1 + (np.arange(140) + 0.5) / 140 * 28 / 27 - 0.5 / 27, 1, 2), atol=1e-5
         )
 
-    def test_metric_networks_are_at_their_end_near_their_largest_depth(self, contract_graph):
+    def test_depths_near_the_largest_depth_of_a_metric_network_are_unknown(self, contract_graph):
         image = np.zeros((196, 252, 3), np.uint8)
         image[:, 126:] = 255
         backend = metric(contract_graph("depth_anything_v2_indoor.onnx", sigmoid=True), farthest=10.0)
@@ -237,7 +237,7 @@ class TestVersion3:
             "da.onnx", shape=("b", 1, 3, "h", "w"), map_shape=("b", 1, "h", "w"), further=further or None
         )
 
-    def test_answers_depth_and_no_disparity(self, contract_graph):
+    def test_the_output_of_several_views_is_depth_and_not_disparity(self, contract_graph):
         """Trap: the names are those of V2, and larger is farther."""
         image = ramp(252, 252)
         backend = relative(self.image_of_views(contract_graph))
@@ -301,7 +301,7 @@ class TestVersion3:
 
 
 class TestCamera:
-    def test_unknown_camera_is_a_default_and_said(self, contract_graph):
+    def test_an_unknown_camera_becomes_a_default_and_is_noted(self, contract_graph):
         answer = relative(contract_graph(), default_fov=60.0).infer(ramp(196, 140), Hints())
         assert answer.intrinsics.fx == pytest.approx(98 / math.tan(math.radians(30)))
         assert "60 degrees" in answer.intrinsics.source

@@ -70,7 +70,7 @@ class TestMaps:
         with pytest.raises(BackendError, match=words):
             squeeze_map(values, "depth", "file")
 
-    def test_flat_map_may_be_an_answer(self):
+    def test_a_constant_map_is_accepted_where_allowed(self):
         assert squeeze_map(np.zeros((1, 2, 3)), "sky", "file", may_be_flat=True).shape == (2, 3)
 
     def test_depth_that_is_not_known_is_nan(self):
@@ -80,6 +80,6 @@ class TestMaps:
         with pytest.raises(BackendError, match="nothing in this photo nearer than 5 m"):
             mask_depth(np.array([[9.0]], np.float32), 5.0)
 
-    def test_fixed_and_free_sides(self):
+    def test_a_free_side_of_the_input_size_is_none(self):
         assert fixed_input_size((1, 3, 518, 518)) == (518, 518)
         assert fixed_input_size(("b", 3, "h", 504)) == (None, 504)

@@ -118,7 +118,7 @@ def test_boxes_of_other_classes_are_no_people(answering):
     assert not len(answering("images", (1, 3, SIDE, SIDE), output=raw((19, chair))).infer(GREY, 0.3, 0.65))
 
 
-def test_yolox_sees_blue_first_and_grey_levels(scoring):
+def test_yolox_gets_bgr_grey_levels(scoring):
     """BGR from 0 to 255: the first channel of a blue photo is 255."""
     blue = np.zeros((SIDE, SIDE, 3), np.uint8)
     blue[..., 2] = 255
@@ -169,7 +169,7 @@ def test_rt_detr_has_centred_boxes_in_shares_of_the_photo(answering):
     assert found.scores == pytest.approx([1 / (1 + np.exp(-2))])
 
 
-def test_rt_detr_sees_red_first_from_0_to_1_squashed(graph, node, tmp_path):
+def test_rt_detr_gets_squashed_rgb_from_0_to_1(graph, node, tmp_path):
     """A graph whose person's logit is ten times the last value of the first channel: no mean, no deviation, no rim."""
     where = np.zeros((1, 3, 80), np.float32)
     where[0, 0, 0] = 10

@@ -133,7 +133,7 @@ def test_in_another_camera_the_hips_keep_their_pixel_and_their_size(graph_file: 
     np.testing.assert_allclose(other - moved[:, None], own - middle[:, None], atol=1e-5)
 
 
-def test_a_network_in_focal_lengths_is_told_the_angles_of_the_box_in_the_camera_given(
+def test_a_cliff_focal_network_gets_the_box_as_angles_of_the_given_camera(
     graph_file: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """[atan((cx - W / 2) / f), atan((cy - H / 2) / f), side / f], as its training describes it."""

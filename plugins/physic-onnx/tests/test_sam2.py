@@ -176,7 +176,7 @@ def networks_of(signature, stand_in_network, answer=None, encoder_ports=None):
     return encoder, stand_in_network(*DECODER[signature], answer or (lambda shown, feed: {}))
 
 
-def test_sam3_s_tracker_sees_minus_1_to_1(stand_in_network, shown):
+def test_the_tracker_of_sam_3_gets_values_from_minus_1_to_1(stand_in_network, shown):
     ports = ({"pixel_values": ("float32", (1, 3, 1008, 1008))}, ENCODER["transformers.js"][1])
     encoder, decoder = networks_of("transformers.js", stand_in_network, encoder_ports=ports)
     photo = np.full((30, 40, 3), 255, np.uint8)

@@ -74,7 +74,7 @@ class TestRunning:
         with pytest.raises(BackendError, match="takes float32, got uint8"):
             network.run({**ONE, "image": np.ones((1, 3, 2, 2), np.uint8)}, ["sum"])
 
-    def test_input_that_is_not_there(self, doubler):
+    def test_an_unknown_input_is_refused(self, doubler):
         network = open_network(doubler(), OnnxOptions(), "cpu")
         with pytest.raises(BackendError, match="has no input 'picture'"):
             network.run({"picture": np.ones(3)}, ["sum"])
@@ -125,7 +125,7 @@ class TestProviders:
             open_network(doubler(), OnnxOptions(provider="cuda"), "cpu")
 
     @pytest.mark.parametrize(("provider", "words"), [("cuda", "CUDA"), ("tensorrt", "TensorRT")])
-    def test_provider_that_does_not_start_is_no_silent_cpu(self, doubler, monkeypatch, provider, words):
+    def test_a_provider_that_does_not_start_is_an_error_and_not_the_cpu(self, doubler, monkeypatch, provider, words):
         """onnxruntime goes on with the CPU where CUDA's libraries do not fit, and raises nothing."""
         session = onnxruntime.InferenceSession
         monkeypatch.setattr(onnxruntime, "get_available_providers", lambda: [TENSORRT, CUDA, CPU])
@@ -167,14 +167,14 @@ class TestProviders:
 
 
 class TestFiles:
-    def test_file_that_is_not_there(self, tmp_path):
+    def test_a_missing_file_is_refused(self, tmp_path):
         with pytest.raises(BackendError, match=r"there is no file .*none.onnx"):
             open_network(tmp_path / "none.onnx", OnnxOptions(), "cpu")
 
     @pytest.mark.parametrize(
         "content", [b"", b"<html>404</html>", b"version https://git-lfs.github.com/spec/v1\n", "cut short"]
     )
-    def test_file_that_is_no_network(self, doubler, content):
+    def test_a_file_without_a_network_is_refused(self, doubler, content):
         path = doubler()
         path.write_bytes(path.read_bytes()[:-40] if content == "cut short" else content)
         with pytest.raises(BackendError, match=r"cannot open .*broken or cut short"):

@@ -105,7 +105,7 @@ def test_each_joint_set_is_read_on_the_grid_that_it_was_trained_on(
     assert worst < 1.0  # read on the other grid, a foot is 10 px off
 
 
-def test_people_of_all_shapes_at_the_edge_too(vitpose: Any) -> None:
+def test_joints_are_found_in_boxes_of_all_shapes_and_beyond_the_edge(vitpose: Any) -> None:
     seen = blobs(PLACES)
     boxes = [(60.0, 40.0, 140.0, 170.0), (20.0, 30.0, 220.0, 160.0), (-20.0, 10.0, 140.0, 199.0)]
     found = vitpose().infer(seen, people(*boxes))

@@ -34,7 +34,7 @@ def pointmap(path: Path, hole: np.ndarray | None = None, image: np.ndarray = IMA
 # ---- depth -----------------------------------------------------------------------------------------------------------
 
 
-def test_a_numpy_array_gives_its_depth_where_it_is_a_length_and_no_person_was_removed(tmp_path: Path) -> None:
+def test_depth_of_an_array_is_nan_where_not_positive_and_in_the_hole(tmp_path: Path) -> None:
     values, hole = DEPTH.copy(), np.zeros((4, 6), bool)
     values[0, :4] = np.nan, np.inf, 0, -1
     hole[1:3, 2:4] = True
@@ -66,7 +66,7 @@ def test_a_map_of_another_size_is_resized_by_the_nearest_pixel(tmp_path: Path) -
     assert "from 3 x 2 to 6 x 4 px" in found.notes[0]
 
 
-def test_an_exr_file_or_the_reason_why_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_exr_file_is_read_or_refused_with_the_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "d.exr"
     monkeypatch.setenv("OPENCV_IO_ENABLE_OPENEXR", "1")
     try:
@@ -91,7 +91,7 @@ def test_an_exr_file_or_the_reason_why_not(tmp_path: Path, monkeypatch: pytest.M
         ("d.tif", np.ones((4, 6)), "ends in none of"),
     ],
 )
-def test_depth_that_cannot_be_used(tmp_path: Path, name: str, values: np.ndarray, message: str) -> None:
+def test_unusable_depth_is_refused(tmp_path: Path, name: str, values: np.ndarray, message: str) -> None:
     with (tmp_path / name).open("wb") as file:
         np.save(file, values)
     with pytest.raises(InputError, match=message):

@@ -23,5 +23,5 @@ def test_knn_outliers_are_those_of_all_pairs() -> None:
 
 
 @pytest.mark.parametrize("count", [0, 1])
-def test_knn_of_next_to_nothing_keeps_it(count: int) -> None:
+def test_knn_outlier_removal_keeps_a_cloud_of_few_points(count: int) -> None:
     assert not knn_outliers(torch.zeros((count, 3)), 5).any()

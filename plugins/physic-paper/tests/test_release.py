@@ -119,7 +119,7 @@ def test_every_gradient_is_the_published_one(published: Published, state: str) -
             assert float((got - want).abs().max()) <= allowed, (term, group)
 
 
-def test_what_is_seen_is_looked_at_once_where_the_keypoints_put_the_body(published: Published) -> None:
+def test_visibility_is_computed_once_at_the_placement_by_keypoints(published: Published) -> None:
     energy = JointEnergy(published.problem(), RELEASE.joint)
     for _ in range(2):
         assert torch.equal(energy.snapshot.visibility.in_mask, published.bits("one/out/s3_start/vertex_in_mask"))

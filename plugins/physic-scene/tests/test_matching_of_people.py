@@ -92,7 +92,7 @@ def test_the_surest_pairs_join_people_over_three_photos(facing_each_other):
     assert join_tracks(people, matches).tolist() == [[0, 0, 1], [1, 1, 0]]
 
 
-def test_a_photo_that_nobody_joins_is_joined_by_its_likeliest_pair(facing_each_other):
+def test_a_photo_without_a_sure_pair_is_joined_by_its_likeliest_one(facing_each_other):
     one, two, _ = facing_each_other
     people = one, two, two
     odds = {(0, 1): [[9, -9], [-9, 9]], (0, 2): [[-5, -6], [-6, -2]], (1, 2): [[-5, -6], [-6, -3]]}
@@ -125,7 +125,7 @@ def test_people_who_are_not_the_same_person_disagree(solved_views):
     assert min(found["view_agreement"]) > 28
 
 
-def test_a_camera_that_shows_nobody_where_somebody_is_says_so(solved_views):
+def test_a_camera_with_an_empty_place_where_a_person_is_fails_its_check(solved_views):
     a, b = solved_views
     alone = {"points": b.people.points[:1], "size_px": b.people.size_px[:1], "stature": np.full(1, 1.75)}
     alone |= {name: getattr(b.people, name)[:1] for name in ("confidence", "landmarks", "joints", "rotations", "betas")}

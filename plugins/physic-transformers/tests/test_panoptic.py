@@ -74,7 +74,7 @@ def test_each_portable_thing_is_an_object():
     assert (found.objects == np.stack([box(1, 4, 1, 4) & ~found.masks[0], box(6, 8, 2, 3)])).all()
 
 
-def test_a_network_with_object_classes_returns_an_empty_array_and_one_without_returns_none():
+def test_objects_are_none_only_if_the_network_has_no_object_classes():
     classes, masks = queries([PERSON], [box(4, 8, 4, 8)])
     known = people_and_floor(classes, masks, same, (16, 16)).objects
     assert known is not None
