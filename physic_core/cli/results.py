@@ -140,11 +140,11 @@ def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
     if not wanted:
         return
     from physic_core.cli.output import format_table
-    from physic_core.discovery.catalog import EXPORTERS
-    from physic_core.discovery.plugins import explain_absence, find_exporters
+    from physic_core.discovery.plugins import find_exporters, missing_formats
 
     rows = [("format", "suffix", "for", "content", "needs")]
-    for exporter in find_exporters():
+    exporters = find_exporters()
+    for exporter in exporters:
         each = exporter.record
         needs = [each.needs] if each.needs else []
         if each.packages:
@@ -152,10 +152,8 @@ def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
             needs.insert(0, f"{what} ({'not installed' if each.missing_packages else 'installed'})")
         rows.append((each.name, " ".join(each.suffixes), each.audience, each.content, "; ".join(needs) or "-"))
     echo(format_table(rows))
-    listed = {row[0] for row in rows}
-    for distribution in dict.fromkeys(EXPORTERS.values()):
-        if missing := [name for name, owner in EXPORTERS.items() if owner == distribution and name not in listed]:
-            echo(f"{', '.join(missing)}: in {explain_absence(distribution)}")
+    for text in missing_formats(exporters):
+        echo(text)
     ctx.exit()
 
 

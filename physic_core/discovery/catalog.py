@@ -29,8 +29,8 @@ ENGINE_PRESETS = _owners("engine_presets")
 EXECUTORS = _owners("executors")
 """Distribution of each known executor of ``physic batch``."""
 
-EXPORTERS = _owners("exporters")
-"""Distribution of each known format of ``physic export``."""
+(FORMATS,) = _TABLES["exporters"]
+"""Distribution with the formats of ``physic export``."""
 
 
 def sources_in_checkout(distribution: str) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout, suppress
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -16,7 +16,7 @@ from typing import Any, Generic, TypeVar
 import pluggy
 
 from physic_core.discovery import hooks
-from physic_core.discovery.catalog import EXPORTERS, how_to_install
+from physic_core.discovery.catalog import FORMATS, how_to_install
 from physic_core.discovery.entry_points import (
     HOOKS_GROUP,
     PLUGINS_VARIABLE,
@@ -202,14 +202,21 @@ def find_exporters() -> tuple[Found[ExporterRecord], ...]:
     return tuple(sorted(found, key=lambda exporter: exporter.record.name))
 
 
+def missing_formats(exporters: Sequence[Found[ExporterRecord]]) -> tuple[str, ...]:
+    """Return a sentence about the project's formats that are not installed, or none if these exporters have them."""
+    if any(exporter.distribution == FORMATS for exporter in exporters):
+        return ()
+    return (f"further formats are in {explain_absence(FORMATS)}",)
+
+
 def find_exporter(name: str | None, suffix: str = "") -> Found[ExporterRecord]:
     """Return the exporter of a format by its name or, without a name, by a file suffix (".glb").
 
     Its ``record`` is an :class:`physic_core.ExporterRecord`, its ``distribution`` the plugin's name.
 
     Raises:
-        InputError: no format has this name or suffix, or several have; the message names a known distribution that
-            writes the format.
+        InputError: no format has this name or suffix, or several have; the message names the distribution
+            with the project's formats if it is missing.
         PackageMissingError: a package that the format needs is not installed.
     """
     exporters = find_exporters()
@@ -229,12 +236,8 @@ def find_exporter(name: str | None, suffix: str = "") -> Found[ExporterRecord]:
             raise InputError(f"a file {suffix} can be {names}: state which (--to, or format= in Python)")
         owners = " and ".join(sorted(each.distribution for each in found))
         raise InputError(f"the export format {names} is offered by {owners}: uninstall one of them")
-    if wanted in EXPORTERS:
-        raise InputError(f"the export format '{wanted}' needs {explain_absence(EXPORTERS[wanted])}")
-    known = [each.record.name for each in exporters]
-    choose = f"choose one of {', '.join(known)}"
-    if absent := [other for other in EXPORTERS if other not in known]:
-        choose += f"; {', '.join(absent)} are in {explain_absence(EXPORTERS[absent[0]])}"
+    known = ", ".join(each.record.name for each in exporters)
+    choose = "; ".join((f"choose one of {known}", *missing_formats(exporters)))
     if name:
         raise InputError(f"there is no export format '{name}': {choose}")
     what = f"'{suffix}' is the suffix of none" if suffix else "the path has no suffix"

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 from physic_core import engine_preset_names, list_backends
 from physic_core.cli import main
-from physic_core.discovery.catalog import COMMANDS, ENGINE_PRESETS, EXECUTORS, EXPORTERS
+from physic_core.discovery.catalog import COMMANDS, ENGINE_PRESETS, EXECUTORS
 from physic_core.discovery.plugins import broken_plugins, find_items
 from physic_core.weights.library import read_library
 
@@ -66,7 +66,6 @@ def test_each_broken_plugin_is_a_row_with_its_cause_and_the_others_are_found(sit
         ("physic_commands", COMMANDS),
         ("physic_engine_presets", ENGINE_PRESETS),
         ("physic_executors", EXECUTORS),
-        ("physic_exporters", EXPORTERS),
     ],
 )
 def test_the_catalog_says_what_the_plugins_of_the_project_add(hook: str, known: dict[str, str]):
