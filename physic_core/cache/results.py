@@ -24,7 +24,6 @@ from typing import TYPE_CHECKING, Any, TypeVar, get_origin
 import numpy as np
 from numpy.typing import NDArray
 
-from physic_core import types
 from physic_core.cache.digests import CodeDigester, Digester, files_named_by
 from physic_core.cache.folders import CACHES, LruFolder, claimed_cache
 from physic_core.discovery.entry_points import required_versions
@@ -42,24 +41,11 @@ if TYPE_CHECKING:
 _T = TypeVar("_T")
 
 KINDS = (
-    types.Bodies,
-    types.BodyParameters,
-    types.ContactProbability,
-    types.DepthMap,
-    types.Hands,
-    types.Intrinsics,
-    types.Keypoints,
-    types.Mesh,
-    types.People,
-    types.Pointmap,
-    types.RestMesh,
-    types.Skeleton,
-    types.SurfaceLabels,
-    types.UnposedPerson,
+    *(interface.Result for interface in INTERFACES.values() if interface.Result is not object),
     NDArray[Any],
     tuple[NDArray[Any], ...],
 )
-"""Types of results that can be stored; the last one is that of networks."""
+"""Types of results that can be stored: of interfaces, and of networks."""
 
 
 def canonicalize(result: _T) -> _T:
