@@ -12,7 +12,7 @@ import numpy as np
 import torch
 
 from physic_core import Pipeline, Reconstruction
-from physic_core.types.person_rows import pelvis_distance_m
+from physic_core.types.results import pelvis_distance_m
 from physic_core.visual.orthographic_views import build_preview_geometry
 from physic_core.visual.panels import overlay_panel
 

@@ -19,7 +19,7 @@ from physic_core.errors import InputError
 from physic_core.files.atomic import MARK
 from physic_core.io.result_folder import is_result, photo_identity_of_result
 from physic_core.metrics import BODY_JOINTS, match_by_masks, mpjpe_mm, scene_error
-from physic_core.types.person_rows import pelvis_distance_m
+from physic_core.types.results import pelvis_distance_m
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Grade, Person, Reconstruction

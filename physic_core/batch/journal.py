@@ -24,7 +24,7 @@ from physic_core.errors import OutputError, PackageMissingError
 from physic_core.files.atomic import MARK, atomic_write, check_own, foreign_file, open_to_append
 from physic_core.files.text import as_utf8, from_json, parse_json, to_json, write_csv
 from physic_core.io.result_folder import PEOPLE_MARK, PEOPLE_TABLE
-from physic_core.types.person_rows import PERSON_COLUMNS
+from physic_core.types.results import PERSON_COLUMNS
 
 COLUMNS: Mapping[str, str] = {
     "id": "of the photo",

@@ -31,7 +31,7 @@ from physic_core.files.atomic import check_writable
 from physic_core.interfaces import INTERFACES
 from physic_core.io.result_folder import file_digest, run_of_result
 from physic_core.io.results import SAVE, save_reconstruction
-from physic_core.types.person_rows import person_rows
+from physic_core.types.results import person_rows
 
 if TYPE_CHECKING:
     from physic_core.configuration.model import Config

@@ -33,7 +33,7 @@ from physic_core.files.atomic import (
     write_own,
 )
 from physic_core.files.text import parse_json, write_csv
-from physic_core.types.person_rows import PERSON_COLUMNS, person_rows
+from physic_core.types.results import PERSON_COLUMNS, person_rows
 
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction, UInt8Array

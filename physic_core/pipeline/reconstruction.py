@@ -13,7 +13,7 @@ from physic_core.body.posture import photo_turned_deg
 from physic_core.interfaces import Repository
 from physic_core.pipeline.checks import failed_checks, grade_person, grade_photo, unknown_checks, warning_messages
 from physic_core.types import Person, Reconstruction
-from physic_core.types.person_rows import main_people
+from physic_core.types.results import main_people
 from physic_core.weights.lock import FileUse, lock_file_path, read_lock
 
 if TYPE_CHECKING:

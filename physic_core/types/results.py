@@ -1,4 +1,8 @@
-"""Result of a run: scene, people and contacts."""
+"""Result of a run: scene, people and contacts; its row in a table of photos, and those of its people.
+
+The row of a person says how far to trust the body, where it is, how tall it is, and what it touches. The main people
+count for the grade of a photo.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import InputError
 from physic_core.types.arrays import shape
-from physic_core.types.contacts import PARTNER_KINDS
+from physic_core.types.contacts import PARTNER_KINDS, part_words
+from physic_core.types.records import Grade
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
@@ -25,7 +30,7 @@ if TYPE_CHECKING:
     from physic_core.types.contacts import BodyContact, ContactPartner, Support
     from physic_core.types.depth import Plane
     from physic_core.types.people import UnposedPerson
-    from physic_core.types.records import CheckResult, Exported, Grade, StageRecord
+    from physic_core.types.records import CheckResult, Exported, StageRecord
     from physic_core.types.skeletons import Skeleton
 
 
@@ -353,6 +358,101 @@ def _worst(checks: list[CheckResult]) -> float | None:
     values = [check.value for check in checks if check.value is not None]
     worst = max if checks[0].direction == "at most" else min
     return worst(values, default=None)
+
+
+def person_rows(result: Reconstruction) -> list[dict[str, Any]]:
+    """Return a row of ``people.csv`` for each person, without the photo; None where unknown.
+
+    Keys: person (index into the people of the result), main (True if the grade of the photo counts this person), grade,
+    why (the checks that failed, with their values; if none, and the grade is not good, those not measured), distance_m
+    (of the pelvis from the camera), stature_m (standing height), distance_sigma_m and stature_sigma_m (standard
+    deviations), contacts (body parts that are likely, one half or more, to touch something, each with what it touches)
+    and assumed (likely contacts of body parts that no pixel shows, not among the others). Distance and stature are None
+    without a body.
+    """
+    return [{name: value(result, index) for name, value in _ROW.items()} for index in range(len(result.people))]
+
+
+def _contacts(person: Person, *, assumed: bool) -> str:
+    chosen = (one for one in person.contacts if one.likely and one.assumed == assumed)
+    return "; ".join(f"{part_words(one.part)}: {one.partner.title}" for one in chosen)
+
+
+def _why(result: Reconstruction, index: int) -> str:
+    checks = [check for check in result.checks if check.person == index]
+    failed = [f"{check.title}: {check.value_text}" for check in checks if check.failed]
+    if failed or result.people[index].grade is Grade.GOOD:
+        return "; ".join(failed)
+    unknown = "; ".join(check.title for check in checks if not check.ok)
+    return f"not measured: {unknown}" if unknown else ""
+
+
+def pelvis_distance_m(person: Person) -> float | None:
+    """Return the distance of a person's pelvis from the camera, metres; None without a body."""
+    return distance_m(person.joints[0].tolist() if len(person.joints) else None)
+
+
+def distance_m(point: Sequence[float] | None) -> float | None:
+    """Return the distance of a point x, y, z from the camera, metres; None for None and for a point that is not
+    finite."""
+    return math.hypot(*point) if point is not None and all(map(math.isfinite, point)) else None
+
+
+def spread_m(metres: float | None, log_sigma: float | None) -> float | None:
+    """Return the standard deviation of a length, metres, from that of its logarithm; None if one is not known."""
+    return None if metres is None or log_sigma is None else metres * log_sigma
+
+
+def _millimetres(metres: float | None) -> float | None:
+    return None if metres is None else round(metres, 3)
+
+
+_ROW: dict[str, Callable[[Reconstruction, int], Any]] = {
+    "person": lambda result, index: index,
+    "main": lambda result, index: index in main_people([person.box for person in result.people]),
+    "grade": lambda result, index: str(result.people[index].grade or ""),
+    "why": _why,
+    "distance_m": lambda result, index: _millimetres(pelvis_distance_m(result.people[index])),
+    "distance_sigma_m": lambda result, index: _millimetres(
+        spread_m(pelvis_distance_m(result.people[index]), result.distance_sigmas[index])
+    ),
+    "stature_m": lambda result, index: _millimetres(result.people[index].stature),
+    "stature_sigma_m": lambda result, index: _millimetres(
+        spread_m(result.people[index].stature, result.people[index].stature_sigma)
+    ),
+    "contacts": lambda result, index: _contacts(result.people[index], assumed=False),
+    "assumed": lambda result, index: _contacts(result.people[index], assumed=True),
+}
+
+PERSON_COLUMNS = ("photo", *_ROW)
+"""Columns of ``people.csv``; the photo is its name, in a batch its id."""
+
+
+_MAIN_SHARE = 0.5
+
+
+def main_people(boxes: Sequence[FloatArray] | FloatArray) -> tuple[int, ...]:
+    """Return the indices of the main people: those at least half as large in the photo as the largest one.
+
+    The size is the longer side of the box: people who lie are as large as people who stand.
+
+    Args:
+        boxes: (4,) each, x0 y0 x1 y1, px.
+    """
+    sizes = [max(float(x1 - x0), float(y1 - y0)) for x0, y0, x1, y1 in boxes]
+    return tuple(i for i, size in enumerate(sizes) if size >= _MAIN_SHARE * max(sizes))
+
+
+def metres_text(metres: float, log_sigma: float | None, digits: int = 2) -> str:
+    """Return a length with its standard deviation: "4.20 ± 0.71 m"; without one: "4.20 m".
+
+    Args:
+        metres: the length.
+        log_sigma: standard deviation of its logarithm, or None.
+        digits: after the point.
+    """
+    spread = "" if log_sigma is None else f" ± {log_sigma * abs(metres):.{digits}f}"
+    return f"{round(metres, digits) + 0.0:.{digits}f}{spread} m"  # no "-0.00"
 
 
 def _public_function(name: str) -> Callable[..., Any]:

@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.geometry.upright import gltf_from_camera, transform_points
 from physic_core.types import Grade
-from physic_core.types.person_rows import metres_text
+from physic_core.types.results import metres_text
 from physic_core.visual.orthographic_views import PAGE_RGB
 from physic_core.visual.palette import painted_contact, person_color
 from physic_core.visual.render import (

@@ -19,7 +19,7 @@ from physic_core.body.joints import JOINT_INDEX
 from physic_core.files.atomic import MARK
 from physic_core.geometry.upright import up_in_camera
 from physic_core.types import summarize_checks
-from physic_core.types.person_rows import metres_text
+from physic_core.types.results import metres_text
 from physic_core.visual.orthographic_views import (
     PAGE_RGB,
     LabeledView,

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from physic_core.types import CameraTrust, Reconstruction
-from physic_core.types.person_rows import metres_text
+from physic_core.types.results import metres_text
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 
 from physic_core.pipeline.checks import grade_photo
 from physic_core.types import CheckResult, CheckState, Grade
-from physic_core.types.person_rows import main_people
+from physic_core.types.results import main_people
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from physic_core.types import BodyContact, CheckResult, CheckState, ContactPartner, Grade, Reconstruction
-from physic_core.types.person_rows import PERSON_COLUMNS, person_rows
+from physic_core.types.results import PERSON_COLUMNS, person_rows
 
 
 def check(name: str, person: int, state: CheckState, label: str) -> CheckResult:

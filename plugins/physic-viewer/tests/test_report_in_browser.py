@@ -16,7 +16,7 @@ from PIL import Image
 from physic_core import Reconstruction
 from physic_core.geometry.upright import gltf_from_camera, transform_points
 from physic_core.types import CheckResult, UnposedPerson
-from physic_core.types.person_rows import metres_text
+from physic_core.types.results import metres_text
 from physic_core.visual.palette import CONTACT_PALETTE, FAINT
 from physic_viewer.report.page import report_html
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.geometry.upright import gltf_from_camera
 from physic_core.types import summarize_checks
-from physic_core.types.person_rows import main_people
+from physic_core.types.results import main_people
 from physic_core.visual.palette import (
     BODY_RGB,
     CAMERA_RGB,
