@@ -167,7 +167,7 @@ class _Chumpy(PickledObject):
         if self.part("x") is not None:
             return as_array(self.part("x"))
         if self.part("a") is None or self.part("idxs") is None:
-            raise InvalidArrayError("is left for chumpy to compute, and no numbers")
+            raise InvalidArrayError("is an expression for chumpy to compute, not numbers")
         chosen: NDArray[Any] = as_array(self.part("a")).ravel()[as_array(self.part("idxs"))]
         shape = self.part("preferred_shape")
         return chosen if shape is None else chosen.reshape(_shape(shape))

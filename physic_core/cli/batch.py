@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from physic_core.batch.process import BatchJob
     from physic_core.batch.run import BatchPlan, Executor
 
-_SAVE = "Files per photo, as in physic run; none: a row of the tables alone."
+_SAVE = "Files per photo, as in physic run; none: only a row of the tables."
 _LEVELS = ("pictures", "numbers", "people", "none")
 
 

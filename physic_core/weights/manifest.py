@@ -190,7 +190,7 @@ class WeightSet:
         lines = [f"  licence     {self.license}", f"  commercial  use {self._use()}"]
         if self.account:
             login = "log in there (for Hugging Face by `hf auth login` or HF_TOKEN)"
-            need = "needed" if self.needs_account else "for the first source alone"
+            need = "needed" if self.needs_account else "only for the first source"
             lines.append(f"  account     {need}: request access at {self.homepage}, and {login}")
         elif self.homepage:
             lines.append(f"  homepage    {self.homepage}")

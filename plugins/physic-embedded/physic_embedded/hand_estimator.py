@@ -30,7 +30,7 @@ class EmbeddedHandsOptions(Options):
     """Settings of :class:`EmbeddedHands`."""
 
     least_size_px: float = Field(
-        default=32, ge=0, le=100_000, description="Smaller hands are left as they are: below 30 px fingers are a guess."
+        default=32, ge=0, le=100_000, description="Least size of a fitted hand, px; below 30 px fingers are a guess."
     )
     body: str = Field(
         default="embedded", description="Body whose hand is fitted: 'embedded', or the path of your own SMPLX_*.npz."

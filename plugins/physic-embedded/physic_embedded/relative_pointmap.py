@@ -53,7 +53,7 @@ class EmbeddedPointmapOptions(Options):
         518, ge=70, le=4096, description="px of the short side that the network sees; 518 as trained"
     )
     photo_short_side: int = Field(
-        406, ge=70, le=4096, description="the same for the photo with its people, of whom coarse depth is enough"
+        406, ge=70, le=4096, description="the same for the photo with its people, for whom coarse depth is enough"
     )
     max_tokens: int = Field(
         3600, ge=64, le=100_000, description="cap on 14 px patches, which limits the time of long panoramas"

@@ -54,9 +54,9 @@ class EmbeddedSegmenterOptions(Options):
         description="Sides of the tiles that are searched beside the whole photo, over its long side; "
         "add 0.18 to find more of a crowd, slowly; leave empty for one person in the middle.",
     )
-    max_people: int = Field(default=20, ge=1, le=1000, description="At most so many people, best first.")
+    max_people: int = Field(default=20, ge=1, le=1000, description="Largest number of people, best first.")
     min_height_px: float = Field(
-        default=40, ge=0, le=100_000, description="People whose mask is lower than this are skipped."
+        default=40, ge=0, le=100_000, description="Least height of a mask, px; lower people are skipped."
     )
     floor: bool = Field(default=True, description="Look for the floor beside the feet, and among the surfaces.")
     surfaces: bool = Field(default=True, description="Label floor, walls, seats and other surfaces.")

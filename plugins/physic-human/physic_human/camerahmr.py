@@ -100,7 +100,7 @@ class CameraHmrOptions(SmplCheckoutOptions):
         "smpl_mean_params.npz and cam_model_cleaned.ckpt",
     )
     smpl_file: str = Field(
-        default="", description="your SMPL_NEUTRAL.npz or .pkl: says where the joints and the surface of a body are"
+        default="", description="your SMPL_NEUTRAL.npz or .pkl: gives the joints and the surface of a body"
     )
     seen_confidence: SeenConfidence = 0.5
     margin: float = Field(
@@ -108,16 +108,16 @@ class CameraHmrOptions(SmplCheckoutOptions):
     )
     focal: Literal["given", "own"] = Field(
         default="given",
-        description="focal length that the network gets: the camera's, or what CameraHMR's own FLNet sees in the "
-        "photo; bodies are placed in the given camera either way",
+        description="focal length that the network gets: the camera's, or the estimate of CameraHMR's own FLNet; "
+        "bodies are placed in the given camera either way",
     )
     channels: Literal["rgb", "bgr"] = Field(
         default="rgb",
-        description="order of the channels that both networks are shown; they were trained on rgb, and one revision of "
+        description="order of the channels for both networks; they were trained on rgb, and one revision of "
         "CameraHMR's demo feeds bgr by mistake",
     )
     focal_channels: Literal["rgb", "bgr", ""] = Field(
-        default="", description="the same for FLNet alone; the code of the PhySIC paper shows it bgr; empty as channels"
+        default="", description="the same, only for FLNet; the code of the PhySIC paper uses bgr; empty: as channels"
     )
 
 
@@ -220,7 +220,7 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
             fields = to_numpy(self._focal_network(pixels)[0])
         vertical = float(fields.reshape(-1, 2)[0, 1])
         if not 0.02 < vertical < 3.1:
-            raise BackendError(f"CameraHMR's FLNet sees a vertical field of view of {vertical:.3g} rad, which is none")
+            raise BackendError(f"CameraHMR's FLNet sees an impossible vertical field of view of {vertical:.3g} rad")
         return float(image.shape[0] / (2 * math.tan(vertical / 2)))
 
 

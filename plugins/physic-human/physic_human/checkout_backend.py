@@ -36,8 +36,8 @@ class CheckoutOptions(TorchOptions):
     batch: int = Field(default=8, ge=1, le=1024, description="people or hands at once; 8 takes about 4 GB with a ViT-H")
     trust_checkpoint: bool = Field(
         default=False,
-        description="read a checkpoint that holds Python objects beside its tensors: it can then run code of whoever "
-        "made it, so only for files whose origin you trust",
+        description="read a checkpoint that holds Python objects beside its tensors: this can run code in the file, so "
+        "only for files whose origin you trust",
     )
 
 

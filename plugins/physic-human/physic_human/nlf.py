@@ -49,8 +49,8 @@ class NlfOptions(Options):
     body: Literal["smplx", "smpl"] = Field(default="smplx", description="body model that is fitted to its points")
     smplx_file: str = Field(
         default="",
-        description="your SMPLX_NEUTRAL.npz, where body is smplx: gives the exact place, the surface, and a check that "
-        "it is the body that NLF means",
+        description="your SMPLX_NEUTRAL.npz, where body is smplx: gives the exact place, the surface, and checks that "
+        "NLF means the same body",
     )
     beta_regularizer: float = Field(
         default=10.0,
@@ -58,7 +58,7 @@ class NlfOptions(Options):
         le=1e6,
         description="pull of the shape to the mean body; 10 is NLF's own and leaves little of betas 3-10, 1 keeps more",
     )
-    beta_regularizer2: float = Field(default=0.0, ge=0, le=1e6, description="the same for the first two betas alone")
+    beta_regularizer2: float = Field(default=0.0, ge=0, le=1e6, description="the same, only for the first two betas")
     augmentations: int = Field(
         default=1, ge=1, le=32, description="turned and mirrored crops a person, averaged; 1 fast, 5 steadier"
     )

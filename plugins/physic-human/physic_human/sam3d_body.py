@@ -102,7 +102,7 @@ class Sam3dBodyOptions(CheckoutOptions):
     )
     seen_confidence: SeenConfidence = 0.5
     use_masks: bool = Field(
-        default=False, description="show the network the people's masks too; helps where people overlap"
+        default=False, description="also give the people's masks to the network; helps if people overlap"
     )
 
 

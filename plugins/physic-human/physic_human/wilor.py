@@ -39,7 +39,7 @@ class WilorOptions(CheckoutOptions):
         "mano_mean_params.npz",
     )
     least_confidence: Share = Field(
-        default=0.5, description="of a hand's keypoints; 0.7 in the code of the PhySIC paper"
+        default=0.5, description="least confidence of a hand's keypoints; 0.7 in the code of the PhySIC paper"
     )
     least_size_px: float = Field(
         default=24.0, ge=0, le=100_000, description="longer side of a hand; fingers below are a guess"
@@ -49,7 +49,7 @@ class WilorOptions(CheckoutOptions):
     )
     swap_channels: bool = Field(
         default=False,
-        description="show the network blue as red, as the code of the PhySIC paper does by mistake; worse, to compare",
+        description="swap red and blue, as the code of the PhySIC paper does by mistake; worse, only to compare",
     )
 
 

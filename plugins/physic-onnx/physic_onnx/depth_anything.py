@@ -67,9 +67,9 @@ class DepthAnythingMetricOptions(OnnxBackendOptions):
         None,
         ge=1e-6,
         le=1e6,
-        description="metres; farther is not known; none takes 98 % of the most that the network can say",
+        description="metres; larger depths become unknown; none takes 98 % of the largest depth of the network",
     )
-    trust: bool = Field(False, description="take the file for a metric one though its last activation says relative")
+    trust: bool = Field(False, description="use the file as metric although its last layer is that of a relative one")
 
 
 class DepthAnythingRelativeOptions(OnnxBackendOptions):
@@ -86,12 +86,12 @@ class DepthAnythingRelativeOptions(OnnxBackendOptions):
     max_patches: int = Field(5000, ge=64, le=100_000, description=_PATCHES)
     pixels: Pixels = Field("auto", description=_PIXELS)
     answers: Literal["auto", "disparity", "depth"] = Field(
-        "auto", description="V2 answers disparity and 3 answers depth; 'auto' tells by the file's ports and its name"
+        "auto", description="V2 returns disparity and 3 returns depth; 'auto' tells by the file's ports and its name"
     )
     default_fov: float = Field(
         55.5, gt=5, lt=150, description="field of view, degrees along the long side, where no camera is known"
     )
-    trust: bool = Field(False, description="take the file for a relative one though its last activation says metric")
+    trust: bool = Field(False, description="use the file as relative although its last layer is that of a metric one")
 
 
 class DepthAnythingMetric(OnnxBackend, MetricDepth):
@@ -116,7 +116,7 @@ class DepthAnythingMetric(OnnxBackend, MetricDepth):
             raise BackendError(
                 f"{path.name} does not end in a sigmoid, as the metric networks of Depth Anything V2 do: it returns "
                 "relative disparity. Use it as relative_pointmap 'depth-anything-onnx', or name metric weights; "
-                "trust = true takes it for metric all the same"
+                "trust = true uses it as metric anyway"
             )
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
@@ -163,7 +163,7 @@ class DepthAnythingRelative(OnnxBackend, RelativePointmap):
             raise BackendError(
                 f"{path.name} holds a sigmoid, as the metric networks of Depth Anything V2 do: it returns metres, and "
                 "not disparity. Use it as metric_depth 'depth-anything-v2-metric-onnx', or name relative weights; "
-                "trust = true takes it for relative all the same"
+                "trust = true uses it as relative anyway"
             )
 
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:

@@ -37,7 +37,7 @@ class DepthAnything3Options(OnnxBackendOptions):
     )
     max_patches: int = Field(5000, ge=64, le=100_000, description="cap on 14 px patches, which limits time and memory")
     sky: float = Field(0.3, gt=0, lt=1, description="score from which a pixel is sky, and its depth not known")
-    farthest: float = Field(200.0, ge=1e-6, le=1e6, description="metres; farther is not known")
+    farthest: float = Field(200.0, ge=1e-6, le=1e6, description="metres; larger depths become unknown")
 
 
 class DepthAnything3(OnnxBackend, MetricDepth):

@@ -46,7 +46,7 @@ class InstantHmrOptions(BatchOptions):
     mhr: str = Field(
         "",
         description="Meta's body model MHR, a name of `physic weights list` or the path of its mhr_model.pt: gives "
-        "bodies their surface and rotations; empty: joints alone, if the network returns them",
+        "bodies their surface and rotations; empty: only joints, if the network returns them",
     )
 
 

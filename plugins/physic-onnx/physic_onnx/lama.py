@@ -47,19 +47,19 @@ class LamaOptions(OnnxBackendOptions):
         0.004,
         ge=0,
         le=0.1,
-        description="share of the long side by which the network's hole is wider than what is filled; 0.004-0.012",
+        description="share of the long side by which the network's hole is wider than the filled one; 0.004-0.012",
     )
     context: float = Field(
         2.0,
         gt=1,
         le=8,
-        description="side of the crop that files of a fixed size are shown about a hole, in sides of the hole; 1.5-3",
+        description="side of the crop around a hole for files of a fixed size, in sides of the hole; 1.5-3",
     )
     longest_px: int = Field(
         1536,
         ge=64,
         le=100_000,
-        description="long side at which files of any size see the photo; more is sharper, and slow",
+        description="long side of the photo for files of any size; larger is sharper and slower",
     )
 
 

@@ -39,7 +39,7 @@ class MogeOptions(OnnxOptions):
         1800,
         ge=1200,
         le=3600,
-        description="patches that a photo is cut into: 1200 is quick, 3600 shows most and takes three times as long",
+        description="number of patches of a photo; 1200 is fast, 3600 shows most detail and takes three times as long",
     )
 
 

@@ -50,7 +50,7 @@ class RtmPoseOptions(TopDownOptions):
 
     weights: str = Field("rtmw-l-384x288", description=WEIGHTS_HELP)
     channels: Literal["rgb", "bgr"] = Field(
-        "rgb", description="order in which the network sees colours; it was trained on RGB, and rtmlib feeds BGR"
+        "rgb", description="order of the channels for the network; it was trained on RGB, and rtmlib feeds BGR"
     )
     full_score: float = Field(
         1.0,

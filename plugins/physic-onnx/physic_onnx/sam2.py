@@ -38,15 +38,15 @@ class Sam2Options(OnnxOptions):
     variant: str = Field("", description="of the encoder's file, such as fp16 or quantized; empty for the plain one")
     detector: str = Field(
         "rtdetr-r50",
-        description="what finds people: YOLOX, RT-DETR, D-FINE or RTMO, a name of `physic weights list` or a file; or "
+        description="detector of people: YOLOX, RT-DETR, D-FINE or RTMO, a name of `physic weights list` or a file; or "
         "embedded, the segmenter of physic-embedded, which needs no further weights",
     )
-    score: Share = Field(0.45, description="from which a detected person is believed; 0.3 finds more")
+    score: Share = Field(0.45, description="least score of a detected person; 0.3 finds more")
     overlap: float = Field(
-        0.65, gt=0, le=1, description="boxes that share more are one person's; 0.45 where one is found twice"
+        0.65, gt=0, le=1, description="boxes with a larger overlap (IoU) are one person; 0.45 if one is found twice"
     )
-    most: int = Field(20, ge=1, le=1000, description="people at most, best first")
-    smallest_px: float = Field(24, ge=0, le=100_000, description="people whose box is less high are skipped, px")
+    most: int = Field(20, ge=1, le=1000, description="largest number of people, best first")
+    smallest_px: float = Field(24, ge=0, le=100_000, description="least height of a box, px; lower ones are skipped")
     floor: Literal["feet", "feet-and-border", "none"] = Field(
         "feet",
         description="where to ask for the floor: beside the feet; at the photo's lower edge, too, which finds a table "

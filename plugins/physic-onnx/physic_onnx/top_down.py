@@ -31,13 +31,13 @@ SKELETON_BY_JOINTS: dict[int, str] = {17: "coco17", 23: "coco23", 26: "halpe26",
 class BatchOptions(OnnxBackendOptions):
     """Base class of the settings of a network that sees one person at a time."""
 
-    batch: int = Field(8, ge=1, le=1024, description="people a run, where the file leaves that free")
+    batch: int = Field(8, ge=1, le=1024, description="people per run, if the file does not fix it")
 
 
 class TopDownOptions(BatchOptions):
     """Base class of the settings of a keypoint detector that sees one person at a time."""
 
-    padding: float = Field(1.25, ge=1, le=3, description="how much larger than the person's box the crop is")
+    padding: float = Field(1.25, ge=1, le=3, description="size of the crop relative to the person's box")
 
 
 class TopDownKeypoints(OnnxBackend, KeypointDetector):

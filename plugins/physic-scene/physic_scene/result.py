@@ -63,7 +63,7 @@ def _known_cameras(solved: SolvedScene) -> list[str]:
     known = [photo.name for photo in solved.photos if photo.people.pose is not None]
     others = [photo.name for photo in solved.photos if photo.people.pose is None]
     if len(known) == 1:
-        return [f"the known pose of {known[0]} is not used: it takes two"]
+        return [f"the known pose of {known[0]} is not used: two are needed"]
     also = f"; those of {', '.join(others)} are solved" if others else ""
     return [f"the poses of {', '.join(known)} are known, and give the scale{also}"] if known else []
 

@@ -113,7 +113,7 @@ def checks_of_cameras(views: Sequence[SolvedView], rows: IntArray) -> Iterator[C
     for v, view in enumerate(views):
         look = f"look at the row of {view.name} in photos.png; if it is wrong, leave the photo out"
         held = int((rows[:, v] >= 0).sum())
-        yield _check(view.name, "view_people", held, f"one person alone holds the camera of {view.name}: {look}")
+        yield _check(view.name, "view_people", held, f"a single person determines the camera of {view.name}: {look}")
         cost = min((cost for pair, cost in costs.items() if v in pair), default=None)
         why = f"the people of {view.name} are unlike those of the other photos in pose, place or clothes: {look}"
         yield _check(view.name, "view_agreement", cost, why)

@@ -44,7 +44,7 @@ class GroundedSam2Options(ModelOptions):
     person_score: Share = Field(
         default=0.45, description="Score from which a box is a person; 0.3 finds more, and some furniture."
     )
-    max_people: int = Field(default=20, ge=1, le=1000, description="At most so many people, best first.")
+    max_people: int = Field(default=20, ge=1, le=1000, description="Largest number of people, best first.")
     same_person: Share = Field(
         default=0.8, description="Masks that share more of their union than this are one person."
     )

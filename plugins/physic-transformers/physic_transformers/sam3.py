@@ -36,7 +36,7 @@ class Sam3Options(ModelOptions):
         default=0.5,
         description="Chance from which a pixel is the floor: that of the pixel times that of there being such a thing.",
     )
-    max_people: int = Field(default=20, ge=1, le=1000, description="At most so many people, best first.")
+    max_people: int = Field(default=20, ge=1, le=1000, description="Largest number of people, best first.")
     same_person: Share = Field(
         default=0.8, description="Masks that share more of their union than this are one person."
     )

@@ -121,7 +121,7 @@ def _run(step: SetupStep) -> None:
         except OSError as error:
             raise OutputError(f"{words[0]} cannot be run: {error.strerror}") from error
         if code:
-            echo(f"Error: this command ended with code {code}. Mend its cause, and run setup again.", err=True)
+            echo(f"Error: this command ended with code {code}. Remove the cause, and run setup again.", err=True)
             click.get_current_context().exit(OTHER)
     if step.file is not None:
         path, text = step.file
