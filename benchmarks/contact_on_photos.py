@@ -17,8 +17,8 @@ takes the keypoints of the whole picture. ``cut`` runs the preset on the cropped
 and prints the scores of the parts that the crops removed.
 
 The labels of DATA/photos lie beside the benchmark: two readers labelled them apart, from the pictures alone. A frame of
-a film counts half, since the frames of a film are not independent. Its hands count only if the person seems to hang:
-people in these films hold bars, and people in photos hardly touch anything.
+a film counts half, since the frames of a film are not independent. Its hands count only if the person seems to hang by
+them: people in these films hold bars, and people in photos hardly touch anything.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ SPORT = "parkourone"
 PARTS: dict[str, tuple[str, ...]] = {
     "foot": ("distance", "depth beside", "hanging"),
     "foot in the picture": ("lower than the other foot", "depth beside", "hanging"),
-    "hand": ("distance", "depth beside", "hanging"),
+    "hand": ("distance", "depth beside", "holding"),
     "seat": ("distance", "depth beside", "bend at the hips"),
     "other": ("distance",),
     "unseen foot": (),
@@ -214,7 +214,7 @@ def cases_of(samples: Sequence[Sample], out: Path) -> list[Case]:
                 kind, of_film = kind_of_part(name), sample.frame is not None
                 weight = FRAME_WEIGHT if of_film else 1.0
                 case = Case(picture_name(sample), kind, one["parts"][name], touches, weight)
-                cases += [] if of_film and kind == "hand" and not case.features["hanging"] else [case]
+                cases += [] if of_film and kind == "hand" and not case.features["holding"] else [case]
                 if kind == "foot":
                     lower = {"lower than the other foot": one["lower"][part.startswith("right")]}
                     cases.append(replace(case, kind="foot in the picture", features={**case.features, **lower}))

@@ -92,6 +92,14 @@ class Stance(ShortRepr):
         return np.clip(np.nan_to_num(self.beside, nan=_USUAL_BESIDE), 0.0, _MOST_BESIDE) - _USUAL_BESIDE
 
     @property
+    def holding(self) -> FloatArray:
+        """Feature (N, 2) of hands: "hanging", as far as something beside the hand has its depth; 0 where unknown.
+
+        People who jump with raised arms have the posture of people who hang, but nothing beside their hands.
+        """
+        return self.hanging[:, None] * np.clip(-self.depth_beside[:, 2:4] / _USUAL_BESIDE, 0.0, 1.0)
+
+    @property
     def touch(self) -> FloatArray:
         """Probability (N, 2) that the foot touches floor, seat or support."""
         features = {

@@ -27,7 +27,10 @@ DEPTH_BESIDE = "depth beside"
 """Feature of feet, hands and seats: how far the depth beside the part in the picture is from its own."""
 
 HANGING = "hanging"
-"""Feature of feet and hands: how far the posture in the picture is that of people who hang."""
+"""Feature of feet: how far the posture in the picture is that of people who hang."""
+
+HOLDING = "holding"
+"""Feature of hands: "hanging", as far as the picture shows something beside the hand at its depth."""
 
 Values = TypeVar("Values", NDArray[np.floating[Any]], Tensor)
 

@@ -24,7 +24,7 @@ from physic_core.engine.contact.problem import ContactInput
 from physic_core.engine.contact.regions import contact_regions
 from physic_core.engine.limbs import hip_bends
 from physic_core.engine.stance import Stance
-from physic_core.engine.touch import DEPTH_BESIDE, DISTANCE, HANGING, touch_log_odds
+from physic_core.engine.touch import DEPTH_BESIDE, DISTANCE, HANGING, HOLDING, touch_log_odds
 from physic_core.types.skeletons import SIDES
 
 SEAT = "seat"
@@ -125,8 +125,8 @@ def part_features(given: ContactInput, gap: Tensor) -> dict[str, dict[str, Tenso
     """Return part -> name of a feature -> values (N,): one reason for or against contact of the part with the scene.
 
     "distance" is that of the part in standard deviations, 0 inside, and at most that of the search radius. "bend at the
-    hips" is the smaller angle between trunk and thighs, radians; 0 is straight. "depth beside" and "hanging" are those
-    of the stance.
+    hips" is the smaller angle between trunk and thighs, radians; 0 is straight. "depth beside", "hanging" and "holding"
+    are those of the stance.
 
     Args:
         given: bodies, and what the photo shows of them.
@@ -134,7 +134,9 @@ def part_features(given: ContactInput, gap: Tensor) -> dict[str, dict[str, Tenso
     """
     joints = given.joints
     stance = given.stance or Stance.unknown(len(joints))
-    beside, hanging = (torch.tensor(values).to(joints) for values in (stance.depth_beside, stance.hanging))
+    beside, hanging, holding = (
+        torch.tensor(values).to(joints) for values in (stance.depth_beside, stance.hanging, stance.holding)
+    )
     bend = hip_bends(joints).amin(1).clamp(max=_MOST_BEND).nan_to_num()
     found: dict[str, dict[str, Tensor]] = {}
     for name, own in zip(contact_parts(given.model), gap.T, strict=True):
@@ -143,8 +145,10 @@ def part_features(given: ContactInput, gap: Tensor) -> dict[str, dict[str, Tenso
         column = {"foot": side, "hand": 2 + side, SEAT: 4}.get(kind_of_part(name))
         if column is not None:
             found[name][DEPTH_BESIDE] = beside[:, column]
-        if kind_of_part(name) in ("foot", "hand"):
+        if kind_of_part(name) == "foot":
             found[name][HANGING] = hanging
+        if kind_of_part(name) == "hand":
+            found[name][HOLDING] = holding[:, side]
     found[SEAT]["bend at the hips"] = bend
     return found
 
