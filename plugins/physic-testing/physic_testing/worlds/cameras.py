@@ -110,9 +110,9 @@ class PhotoSubjects:
             max(8, round(scale * shot.intrinsics.width)), max(8, round(scale * shot.intrinsics.height))
         )
         rays = apply(shot.camera.rotation.T, pixel_rays(small))
-        face = self._everything.first(shot.camera.position, rays).face
+        face = self._everything.first_faces(shot.camera.position, rays)
         owner = np.where(face >= 0, self._owner[np.maximum(face, 0)], -1)
-        whole = [caster.first(shot.camera.position, rays).face >= 0 for caster in self._person_casters]
+        whole = [caster.first_faces(shot.camera.position, rays) >= 0 for caster in self._person_casters]
         seen = np.array([(owner == i).sum() for i in range(len(whole))])
         return seen / np.maximum([mask.sum() for mask in whole], 1), seen / len(rays)
 

@@ -88,17 +88,27 @@ class _RoomMesh:
     surface: NDArray[np.int64]
 
 
+@dataclass(frozen=True)
+class _Shown:
+    """A scene with or without people, as the camera sees it."""
+
+    mesh: WorldMesh
+    room: _RoomMesh
+    caster: RayCaster
+    view: RenderedView
+
+
 def _surface_ids(room: _RoomMesh, seen: RenderedView) -> NDArray[np.int64]:
     """Return the surface (H, W) of the room that each pixel shows, numbered as in ``Room.mesh``; -1 for none."""
     in_room = (seen.face >= 0) & (seen.face < len(room.faces))
     return np.where(in_room, room.surface[np.where(in_room, seen.face, 0)], -1)
 
 
-def pose_world_bodies(stage: StagedScene, skeletons: tuple[Skeleton, ...]) -> WorldBodies:
+def pose_world_bodies(model: BodyModel, stage: StagedScene, skeletons: tuple[Skeleton, ...]) -> WorldBodies:
     """Return the bodies in the camera frame, posed with the float32 parameters that the world stores."""
     from scipy.spatial.transform import Rotation
 
-    model, turn = stage.model, Rotation.from_matrix(stage.camera.rotation)
+    turn = Rotation.from_matrix(stage.camera.rotation)
     poses, transl = [], []
     for actor in stage.actors:
         pose = actor.pose.copy()
@@ -137,18 +147,68 @@ def _landmarks(model: BodyModel, vertices: FloatArray, joints: FloatArray, skele
     return points
 
 
-def render_pictures(stage: StagedScene, vertices: FloatArray, rng: np.random.Generator) -> Pictures:
+def render_pictures(
+    model: BodyModel,
+    stage: StagedScene,
+    vertices: FloatArray,
+    rng: np.random.Generator,
+    images: tuple[UInt8Array, UInt8Array] | None = None,
+) -> Pictures:
     """Render the photo with and without people, with their masks.
 
     Args:
+        model: body model of the people.
         stage: people, place and camera.
         vertices: (N, V, 3) of the people, camera frame.
         rng: random generator of clothes, lamps, sky and sensor noise.
+        images: the photos with and without people, if they are known.
     """
-    model, intrinsics = stage.model, stage.intrinsics
+    intrinsics = stage.intrinsics
     shell, occupied = (_RoomMesh(*stage.room.mesh(occupied=with_people)) for with_people in (False, True))
     scene, furnished = (_scene_mesh(stage.camera.to_camera(part.vertices), part.faces) for part in (shell, occupied))
     everything = _with_people(furnished, model, vertices)
+    shown = [
+        _Shown(mesh, room, caster := RayCaster(mesh.vertices, mesh.faces), render_view(mesh, caster, intrinsics))
+        for mesh, room in ((everything, occupied), (scene, shell))
+    ]
+    image, empty_image = images or _shaded(model, stage, vertices, rng, shown)
+    seen, empty = (part.view for part in shown)
+    owner = _person_ids(everything, seen)
+
+    def labels_of(surface: NDArray[np.int64], seen: RenderedView) -> UInt8Array:
+        names = np.array([SURFACE_NAMES.index(name) for name in stage.room.surface_names()], np.uint8)
+        number = np.where(surface >= 6, (surface - 6) // 6 + 6, surface)
+        nothing = np.where(seen.face >= 0, SURFACE_NAMES.index("person"), SURFACE_NAMES.index("sky"))
+        return np.where(surface >= 0, names[np.maximum(number, 0)], nothing).astype(np.uint8)
+
+    surface, empty_surface = _surface_ids(occupied, seen), _surface_ids(shell, empty)
+    of_item = [
+        np.isin((surface - 6) // 6, [i for i, block in enumerate(stage.room.blocks) if block.item == item])
+        for item in stage.room.items
+    ]
+
+    return Pictures(
+        image=image,
+        empty_image=empty_image,
+        seen=seen,
+        empty=empty,
+        masks=np.stack([owner == i for i in range(len(vertices))]),
+        unoccluded_masks=np.stack([_silhouette(person, model.faces.numpy(), intrinsics) for person in vertices]),
+        floor_mask=surface == 0,
+        empty_floor_mask=empty_surface == 0,
+        surfaces=labels_of(surface, seen),
+        empty_surfaces=labels_of(empty_surface, empty),
+        item_masks=np.array(of_item, bool).reshape(-1, *surface.shape),
+        mesh=everything,
+        caster=shown[0].caster,
+    )
+
+
+def _shaded(
+    model: BodyModel, stage: StagedScene, vertices: FloatArray, rng: np.random.Generator, shown: Sequence[_Shown]
+) -> list[UInt8Array]:
+    """Return the photos (H, W, 3) of the scene with and without people, with the exposure of the first."""
+    intrinsics = stage.intrinsics
     surfaces, clothes = SurfaceColours(stage.room), [Clothes(model, rng) for _ in vertices]
     sky_seed, per_person = int(rng.integers(1 << 30)), len(model.faces)
     lighting = _lighting(stage, vertices, rng)
@@ -175,44 +235,12 @@ def render_pictures(stage: StagedScene, vertices: FloatArray, rng: np.random.Gen
         light = _OVERCAST * sky(np.arcsin(np.clip(y, -1, 1)), np.arctan2(x, z), np.random.default_rng(sky_seed))
         return light
 
-    views, lights, casters = [], [], []
-    for mesh, room in ((everything, occupied), (scene, shell)):
-        caster = RayCaster(mesh.vertices, mesh.faces)
-        views.append(render_view(mesh, caster, intrinsics))
-        lights.append(render_shaded(mesh, caster, intrinsics, views[-1], lighting, albedo(room), overhead))
-        casters.append(caster)
-    gain = exposure_gain(lights[0])
-    images = [to_srgb(light, gain, noise) for light in lights]
-    seen, empty = views
-    owner = _person_ids(everything, seen)
-
-    def labels_of(surface: NDArray[np.int64], seen: RenderedView) -> UInt8Array:
-        names = np.array([SURFACE_NAMES.index(name) for name in stage.room.surface_names()], np.uint8)
-        number = np.where(surface >= 6, (surface - 6) // 6 + 6, surface)
-        nothing = np.where(seen.face >= 0, SURFACE_NAMES.index("person"), SURFACE_NAMES.index("sky"))
-        return np.where(surface >= 0, names[np.maximum(number, 0)], nothing).astype(np.uint8)
-
-    surface, empty_surface = _surface_ids(occupied, seen), _surface_ids(shell, empty)
-    of_item = [
-        np.isin((surface - 6) // 6, [i for i, block in enumerate(stage.room.blocks) if block.item == item])
-        for item in stage.room.items
+    lights = [
+        render_shaded(part.mesh, part.caster, intrinsics, part.view, lighting, albedo(part.room), overhead)
+        for part in shown
     ]
-
-    return Pictures(
-        image=images[0],
-        empty_image=images[1],
-        seen=seen,
-        empty=empty,
-        masks=np.stack([owner == i for i in range(len(vertices))]),
-        unoccluded_masks=np.stack([_silhouette(person, model.faces.numpy(), intrinsics) for person in vertices]),
-        floor_mask=surface == 0,
-        empty_floor_mask=empty_surface == 0,
-        surfaces=labels_of(surface, seen),
-        empty_surfaces=labels_of(empty_surface, empty),
-        item_masks=np.array(of_item, bool).reshape(-1, *surface.shape),
-        mesh=everything,
-        caster=casters[0],
-    )
+    gain = exposure_gain(lights[0])
+    return [to_srgb(light, gain, noise) for light in lights]
 
 
 def _silhouette(vertices: FloatArray, faces: NDArray[np.int64], intrinsics: Intrinsics) -> BoolArray:
@@ -225,7 +253,7 @@ def _silhouette(vertices: FloatArray, faces: NDArray[np.int64], intrinsics: Intr
     window = np.zeros(mask.shape, bool)
     window[y0 : max(y1, 0), x0 : max(x1, 0)] = True
     rays = pixel_rays(intrinsics)[window.reshape(-1)]
-    mask[window] = RayCaster(vertices, faces).first(np.zeros(3), rays).face >= 0
+    mask[window] = RayCaster(vertices, faces).first_faces(np.zeros(3), rays) >= 0
     return mask
 
 

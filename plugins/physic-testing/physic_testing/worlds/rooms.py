@@ -28,7 +28,7 @@ from physic_testing.worlds.textures import Decoration, Patch, albedo
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.types import BoolArray, FloatArray
+    from physic_core.types import FloatArray
 
 __all__ = ["Room", "SurfaceColours", "Walls"]
 
@@ -218,21 +218,17 @@ class SurfaceColours:
 
 
 def _block_seeds(blocks: tuple[Block, ...], seed: int) -> list[int]:
-    """Return a colour seed per block; touching blocks of one material share it."""
+    """Return a colour seed per block; blocks of one material whose bounding boxes are within 5 cm share it."""
     seeds = [seed + 101 * i for i in range(len(blocks))]
+    corners = np.array([block.corners() for block in blocks]).reshape(-1, 8, 3)
+    low, high = corners.min(axis=1), corners.max(axis=1) + 0.05
+    beside = ((low[:, None] < high) & (low < high[:, None])).all(axis=2)
     for i, block in enumerate(blocks):
         for j in range(i):
-            if blocks[j].material == block.material and _near(block, blocks[j]):
+            if blocks[j].material == block.material and beside[i, j]:
                 seeds[i] = seeds[j]
                 break
     return seeds
-
-
-def _near(one: Block, two: Block) -> BoolArray:
-    """Return whether the bounding boxes of two blocks are within 5 cm."""
-    a, b = one.corners(), two.corners()
-    near: BoolArray = ((a.min(axis=0) < b.max(axis=0) + 0.05) & (b.min(axis=0) < a.max(axis=0) + 0.05)).all()
-    return near
 
 
 def _ground_corners(ground: Ground) -> FloatArray:

@@ -36,11 +36,9 @@ class StagedScene:
     """A room or outdoor place with posed people and a camera.
 
     Attributes:
-        model: body model of the people.
         first_camera: that of view 0, which the light depends on; ``camera`` in a world of one camera.
     """
 
-    model: BodyModel
     room: Room
     actors: tuple[ActionPose, ...]
     camera: RoomCamera
@@ -48,8 +46,10 @@ class StagedScene:
     first_camera: RoomCamera
 
 
-def set_up_scene(model: BodyModel, name: str, seed: int, size: tuple[int, int], view: int | None = None) -> StagedScene:
-    """Choose action scenes until a camera shows everybody, then build the surroundings.
+def set_up_scene(
+    model: BodyModel, name: str, seed: int, size: tuple[int, int], view: int | None = None
+) -> tuple[BodyModel, StagedScene]:
+    """Choose action scenes until a camera shows everybody, then build the surroundings; return them with their body.
 
     Args:
         model: embedded body in float64.
@@ -89,7 +89,8 @@ def set_up_scene(model: BodyModel, name: str, seed: int, size: tuple[int, int], 
                 ).shots
             own = shots[view or 0]
             room = _build_surroundings(action_scene, subject.sparse, shots, place)
-            return StagedScene(action_scene.model, room, action_scene.actors, own.camera, own.intrinsics, shot.camera)
+            stage = StagedScene(room, action_scene.actors, own.camera, own.intrinsics, shot.camera)
+            return action_scene.model, stage
     raise RuntimeError(f"No camera sees everybody of the world {name!r}, seed {seed}, at {size[0]} x {size[1]} px.")
 
 

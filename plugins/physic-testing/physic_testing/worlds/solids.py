@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -86,7 +87,7 @@ class Block:
         for name in ("yaw", "pitch", "rounding", "soft"):
             object.__setattr__(self, name, float(round_to_grid(getattr(self, name))))
 
-    @property
+    @cached_property
     def rotation(self) -> FloatArray:
         """Rotation (3, 3) from the block's axes to the room's axes."""
         s, c = (float(part) for part in sin_cos(self.pitch))
@@ -249,10 +250,13 @@ def _rounded_box(block: Block) -> tuple[FloatArray, NDArray[np.int64], NDArray[n
     return found, quads[full], np.repeat(np.arange(6), len(grid))[full]
 
 
+@lru_cache(maxsize=1024)
 def yaw_matrix(yaw: float) -> FloatArray:
-    """Return the rotation matrix (3, 3) about +y by an angle in radians."""
+    """Return the rotation matrix (3, 3) about +y by an angle in radians; read-only, as matrices are cached."""
     s, c = (float(part) for part in sin_cos(yaw))
-    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    turn.setflags(write=False)
+    return turn
 
 
 def box_corners(low: FloatArray, high: FloatArray) -> FloatArray:

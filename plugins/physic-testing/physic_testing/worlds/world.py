@@ -294,7 +294,7 @@ def _cached_world(name: str, seed: int, size: tuple[int, int]) -> World:
 
 
 def _build(name: str, seed: int, size: tuple[int, int]) -> World:
-    """Build a world from scratch."""
+    """Build a world from its stored scene and photos, or from scratch."""
     import torch
 
     from physic_core.body import load_body
@@ -310,18 +310,20 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
     from physic_testing.worlds.ground_truth import pose_world_bodies, project, render_pictures, visible_landmarks
     from physic_testing.worlds.reproducible_math import apply, dot
     from physic_testing.worlds.scene_setup import set_up_scene
+    from physic_testing.worlds.stored_worlds import load_stored
 
     fitted = load_body("embedded").to(dtype=torch.float64)
     base, view = split_name(name)
-    stage = set_up_scene(fitted, base, seed, size, view)
-    model, intrinsics = stage.model, stage.intrinsics
+    stored = load_stored(name, seed, size)
+    model, stage = (fitted, stored.stage) if stored else set_up_scene(fitted, base, seed, size, view)
+    intrinsics = stage.intrinsics
     rng = np.random.default_rng([seed, zlib.crc32(base.encode()), _COLOUR_STREAM])
-    bodies = pose_world_bodies(stage, tuple(SKELETONS.values()))
+    bodies = pose_world_bodies(model, stage, tuple(SKELETONS.values()))
     parameters = bodies.parameters if model is fitted else _with_same_pelvis(fitted, bodies)
     in_room, outer = stage.camera.to_room(bodies.vertices), model.outer.numpy()
     dents = press_dents(stage.room.blocks, in_room, model.faces.numpy())
     stage = replace(stage, room=replace(stage.room, dents=dents))
-    pictures = render_pictures(stage, bodies.vertices, rng)
+    pictures = render_pictures(model, stage, bodies.vertices, rng, stored.images if stored else None)
     distance = stage.room.signed_distance(in_room)
     contact = (distance <= CONTACT_DISTANCE) & outer
     person, person_part = touched_people(model, in_room, CONTACT_DISTANCE)
