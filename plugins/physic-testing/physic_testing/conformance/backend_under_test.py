@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, cast
@@ -20,7 +21,7 @@ from physic_core.interfaces import INTERFACES, Backend
 from physic_core.interfaces.checks import require_image
 from physic_testing.conformance.cases import EVIDENCE, EVIDENCE_OF_HANDS, PAIRED, SIZE, build_case
 from physic_testing.conformance.contract import case_violations
-from physic_testing.conformance.expect import CheckSkipped
+from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.field_comparison import changed_fields
 from physic_testing.conformance.network_and_memory import no_network
 from physic_testing.conformance.requests import infer_arguments
@@ -144,6 +145,17 @@ class BackendUnderTest:
         with no_network():
             return self.kind(options)
 
+    def new_instance(self, case: Case | None = None) -> Backend:
+        """Construct a new backend for another check than that of the constructor.
+
+        Raises:
+            CheckSkipped: it cannot be constructed.
+        """
+        try:
+            return self.construct(case)
+        except Exception as error:
+            raise CheckSkipped("it cannot be constructed: see 'constructs_with_its_defaults'") from error
+
     def options(self, case: Case | None = None) -> BaseModel:
         """Return the backend's options for a photo. A photo without ground truth uses the options for "one person"."""
         given = self._options
@@ -162,10 +174,7 @@ class BackendUnderTest:
             raise CheckSkipped("needs a GPU: pass device='cuda'")
         key = case.name if callable(self._options) and case.world is not None else ""
         if key not in self._loaded:
-            try:
-                backend = self.construct(case)
-            except Exception as error:
-                raise CheckSkipped("it cannot be constructed: see 'constructs_with_its_defaults'") from error
+            backend = self.new_instance(case)
             try:
                 with no_network():
                     lacking = missing_requirements(backend)
@@ -191,6 +200,25 @@ class BackendUnderTest:
         with self.watch.call() as results:
             results.append(cast("Any", backend).infer(*request.limited_to(backend.reads)))
         return results[0]
+
+    def call(
+        self, wanted: str, case: Case, arguments: tuple[Any, ...], hint: str = "", *, may_refuse: bool = False
+    ) -> Any:
+        """Return a valid output for other arguments; None if the backend refuses them, and may.
+
+        Raises:
+            CheckFailed: infer raised another error, or the output is invalid.
+        """
+        backend = self.loaded(case)
+        try:
+            answer = self.infer(backend, case, arguments)
+        except Exception as error:
+            if may_refuse and isinstance(error, PhysicError):
+                return None
+            raise CheckFailed(wanted, describe_error(error, self.kind), hint) from error
+        faults = case_violations(self.interface, answer, case)
+        expect(not faults, wanted, "; ".join(faults))
+        return answer
 
     def run_case(self, name: str) -> CaseRun:
         """Run the backend on a photo, or return the stored result.
@@ -275,10 +303,8 @@ class BackendUnderTest:
     def close(self) -> None:
         """Close all loaded backends. Errors are ignored, because the life cycle checks report them."""
         for backend in self._loaded.values():
-            try:
+            with suppress(Exception):
                 backend.close()
-            except Exception:
-                continue
         self._loaded = {}
 
     def _refuse_unknown(self, options: Mapping[str, Any]) -> None:

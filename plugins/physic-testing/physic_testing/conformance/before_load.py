@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from physic_core.discovery.backends import missing_requirements
 from physic_core.discovery.error_text import describe_error
 from physic_testing.conformance.check import Check
-from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
+from physic_testing.conformance.expect import CheckFailed, expect
 from physic_testing.conformance.network_and_memory import no_network
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ MAX_SECONDS = 0.25
 
 def check_missing_is_fast_and_repeatable(subject: BackendUnderTest) -> None:
     """`missing` is fast, reads no weights, and returns the same list in each call."""
-    backend = _construct(subject)
+    backend = subject.new_instance()
     first, again, seconds = _call_timed(subject, "missing()", lambda: missing_requirements(backend))
     expect(first == again, "missing() to return the same list in both calls", f"{first!r}, then {again!r}")
     _expect_quick("missing()", seconds, "Test whether the files exist; open them in load().")
@@ -29,7 +29,7 @@ def check_missing_is_fast_and_repeatable(subject: BackendUnderTest) -> None:
 
 def check_fingerprint_works_before_load(subject: BackendUnderTest) -> None:
     """`fingerprint` returns, before `load` and offline, the same str for the same weights; it is fast."""
-    backend, other = _construct(subject), _construct(subject)
+    backend, other = subject.new_instance(), subject.new_instance()
     first, again, seconds = _call_timed(subject, "fingerprint()", backend.fingerprint)
     for returned in (first, again):
         expect(isinstance(returned, str), "fingerprint() to return a str, empty without weights", repr(returned))
@@ -69,14 +69,6 @@ def _expect_quick(name: str, seconds: float, hint: str) -> None:
         f"{seconds:.2f} s, each time",
         hint,
     )
-
-
-def _construct(subject: BackendUnderTest) -> Any:
-    """Construct the backend, or skip the check if this fails."""
-    try:
-        return subject.construct()
-    except Exception as error:
-        raise CheckSkipped("it cannot be constructed: see 'constructs_with_its_defaults'") from error
 
 
 _BACKEND = "physic_core.interfaces.Backend"

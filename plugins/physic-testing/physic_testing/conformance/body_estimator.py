@@ -314,14 +314,14 @@ def check_angles_are_radians(subject: BackendUnderTest) -> None:
     """Rotation vectors are in radians: no vector is longer than 2 pi."""
     parameters = subject.result().parameters
     for name in _ROTATIONS:
-        vectors = getattr(parameters, name)
-        longest = float(np.linalg.norm(vectors.reshape(len(vectors), -1, 3), axis=2).max(initial=0))
-        expect(
-            longest < 2 * np.pi + 0.01,
-            f"rotation vectors in radians, at most 6.28 long, in {name}",
-            f"{longest:.1f}",
-            _DEGREES,
-        )
+        expect_radians(getattr(parameters, name), f" in {name}")
+
+
+def expect_radians(vectors: FloatArray, where: str = "") -> None:
+    """Raise CheckFailed if a rotation vector (..., 3) is longer than 2 pi."""
+    longest = float(np.linalg.norm(vectors.reshape(-1, 3), axis=1).max(initial=0))
+    wanted = f"rotation vectors in radians, at most 6.28 long,{where}".rstrip(",")
+    expect(longest < 2 * np.pi + 0.01, wanted, f"{longest:.1f}", _DEGREES)
 
 
 def check_joints_suffice_to_convert_bodies(subject: BackendUnderTest) -> None:

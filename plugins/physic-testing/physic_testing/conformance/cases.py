@@ -25,7 +25,6 @@ CASES: dict[str, str] = {
     "one person": "one person, landscape",
     "several people": "people beside one another",
     "odd size": "a width and a height that no network likes, 131 x 97 px",
-    "portrait": "higher than wide",
     "nobody": "a room without people",
     "blank": "one grey all over",
     "tiny": "32 x 24 px",
@@ -137,8 +136,6 @@ def _build(name: str, size: tuple[int, int]) -> Case:
         return case_of_world(name, build_world(action, seed, sizes.get(action, size)))
     if name == "odd size":
         return case_of_world(name, build_world("stand", 1, (131, 97)))
-    if name == "portrait":
-        return case_of_world(name, build_world("stand", 1, (height, width)))
     if name == "close":
         return case_of_world(name, build_world("stand", 0, (_LARGE * width, _LARGE * height)))
     person = _build("one person", size)

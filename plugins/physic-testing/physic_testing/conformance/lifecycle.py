@@ -19,7 +19,6 @@ from physic_testing.conformance.network_and_memory import no_network, resident_m
 
 if TYPE_CHECKING:
     from physic_testing.conformance.backend_under_test import BackendUnderTest
-    from physic_testing.conformance.cases import Case
 
 MISSING_DEVICE = "cuda:99"
 """Name of a device that does not exist on any test machine."""
@@ -73,7 +72,7 @@ def check_loads_or_reports_what_is_missing(subject: BackendUnderTest) -> None:
     """`missing` lists missing files offline; if it lists none, `load` works or raises a PhysicError."""
     if "needs_cuda" in subject.capabilities and subject.device == "cpu":
         raise CheckSkipped("needs a GPU: pass device='cuda'")
-    backend = _construct(subject)
+    backend = subject.new_instance()
     with no_network() as requested:
         try:
             lacking = missing_requirements(backend)
@@ -105,7 +104,7 @@ def _expect_helpful_message(message: str) -> None:
 
 def check_refuses_a_missing_device(subject: BackendUnderTest) -> None:
     """`load` raises a PhysicError for a GPU that does not exist; a backend without a network may ignore it."""
-    backend = _construct(subject)
+    backend = subject.new_instance()
     try:
         backend.load(MISSING_DEVICE)
     except PhysicError:
@@ -130,7 +129,7 @@ def check_infer_before_load_works_or_raises(subject: BackendUnderTest) -> None:
     """`infer` before `load` works or raises a PhysicError."""
     subject.result()
     try:
-        subject.infer(_construct(subject), subject.case("one person"))
+        subject.infer(subject.new_instance(), subject.case("one person"))
     except PhysicError:
         return
     except Exception as error:
@@ -143,7 +142,7 @@ def check_infer_before_load_works_or_raises(subject: BackendUnderTest) -> None:
 def check_load_and_close_may_be_repeated(subject: BackendUnderTest) -> None:
     """`close` before `load`, a second `load` and a second `close` raise no error."""
     subject.result()
-    backend = _construct(subject)
+    backend = subject.new_instance()
     for i, (step, call) in enumerate(
         (
             ("close() before load()", backend.close),
@@ -163,7 +162,7 @@ def check_load_and_close_may_be_repeated(subject: BackendUnderTest) -> None:
 def check_second_load_does_nothing(subject: BackendUnderTest) -> None:
     """A second `load` of a loaded backend replaces nothing: a pipeline loads once and is called many times."""
     subject.result()
-    backend = _construct(subject)
+    backend = subject.new_instance()
     try:
         backend.load(subject.device)
         before = attribute_values(backend)
@@ -183,7 +182,7 @@ def check_works_again_after_close(subject: BackendUnderTest) -> None:
     """After `close` and a second `load`, the output is the same as before."""
     first = subject.result("odd size")
     case = subject.case("odd size")
-    backend = _construct(subject, case)
+    backend = subject.new_instance(case)
     try:
         backend.load(subject.device)
         backend.close()
@@ -198,14 +197,6 @@ def check_works_again_after_close(subject: BackendUnderTest) -> None:
     if "stochastic" not in subject.capabilities:
         changes = describe_difference(first, again)
         expect(not changes, "the same output after load(), close(), load()", changes)
-
-
-def _construct(subject: BackendUnderTest, case: Case | None = None) -> Any:
-    """Construct the backend, or skip the check if this fails."""
-    try:
-        return subject.construct(case)
-    except Exception as error:
-        raise CheckSkipped("it cannot be constructed: see 'constructs_with_its_defaults'") from error
 
 
 def _close_quietly(backend: Any) -> None:
