@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Hashable, Mapping
 from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, fields
@@ -98,6 +98,7 @@ class BackendUnderTest:
         claim: entry point of the backend; None for a class that was passed directly.
         device: device on which the backend is loaded.
         size: width and height of the standard photos, px.
+        of_photos: what is computed from the truth of the photos alone; backends of one interface may share it.
 
     Raises:
         BackendError: a capability is not in CAPABILITIES.
@@ -116,6 +117,7 @@ class BackendUnderTest:
         claim: Offer | None = None,
         device: str = "cpu",
         size: tuple[int, int] = SIZE,
+        of_photos: dict[Hashable, Any] | None = None,
     ) -> None:
         self.kind, self.interface, self.name = kind, interface, name
         self.claim, self.device, self.size = claim, device, size
@@ -134,6 +136,7 @@ class BackendUnderTest:
         self._loaded: dict[str, Backend] = {}
         self._case_runs: dict[str, CaseRun] = {}
         self.kept: dict[str, Any] = {}
+        self.of_photos: dict[Hashable, Any] = {} if of_photos is None else of_photos
 
     def case(self, name: str) -> Case:
         """Return the photo and its ground truth for a name of :data:`physic_testing.conformance.cases.CASES`."""

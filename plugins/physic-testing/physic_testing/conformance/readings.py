@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from functools import partial
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from physic_core.types import FloatArray
     from physic_testing.conformance.backend_under_test import BackendUnderTest
     from physic_testing.conformance.cases import Case
+
+_T = TypeVar("_T")
 
 Values: TypeAlias = "dict[str, Any]"
 """An output in the form in which it is compared: names -> arrays."""
@@ -251,8 +254,9 @@ def check_group(subject: BackendUnderTest, table: Table, group: Group) -> tuple[
         CheckSkipped: too few photos have a valid output.
     """
     evidence = values_of(subject, table)
+    truths = [(case, truth) for case, _, truth in evidence]
     own = [group.units(values, truth, case) for case, values, truth in evidence]
-    true = [group.units(truth, truth, case) for case, _, truth in evidence]
+    true = _once(subject, group, None, truths, lambda: [group.units(truth, truth, case) for case, truth in truths])
     off = _differences(own, true)
     known = [unit for unit in off if np.isfinite(unit).any()]
     if len(known) < MIN_UNITS:
@@ -266,11 +270,12 @@ def check_group(subject: BackendUnderTest, table: Table, group: Group) -> tuple[
         [group.units(p.own, p.truth, p.case) for p in pairs], [group.units(p.wanted, p.truth, p.case) for p in pairs]
     )
     for reading in readings:
-        there = [group.units(reading.make(truth, case), truth, case) for case, _, truth in evidence]
-        mistakes = _differences(there, true)
+        mistakes = _once(subject, group, reading.make, truths, partial(_mistakes, reading, group, truths, true))
         shares = [share_of(off, mistakes, centred=group.centred)]
         if pairs and reading.in_pairs:
-            apart = _bands(_of_pairs(reading, group, table, pairs))
+            changed_truths = [(pair.case, pair.truth) for pair in pairs]
+            make = partial(_of_pairs, reading, group, table, pairs)
+            apart = _bands(_once(subject, group, reading.make, changed_truths, make))
             shares.append(share_of(_bands(before), apart, least=_least(mistakes, centred=group.centred)))
         told = [share for share in shares if share is not None]
         for share in told:
@@ -285,6 +290,22 @@ def check_group(subject: BackendUnderTest, table: Table, group: Group) -> tuple[
         best = min(made, key=lambda item: (round(item[0], 3), item[1].size)) if made else None
         raise CheckFailed(group.what, _found(group, rough, best), best[1].hint if best else "")
     return tuple(unseen)
+
+
+def _once(
+    subject: BackendUnderTest,
+    group: Group,
+    mistake: Make | None,
+    truths: Sequence[tuple[Case, Values]],
+    make: Callable[[], _T],
+) -> _T:
+    """Return what is made of photos, their truth and a mistake, once for all backends that share it."""
+    photos = ((case.name, case.size, truth.get("unknown"), truth.get("names")) for case, truth in truths)
+    key = (group.check, mistake, *photos)
+    if key not in subject.of_photos:
+        subject.of_photos[key] = make()
+    found: _T = subject.of_photos[key]
+    return found
 
 
 def _scatter(reading: Reading, margin: float) -> str:
@@ -342,6 +363,13 @@ def _pairs(subject: BackendUnderTest, table: Table, case: Case, values: Values, 
             Pair(other, table.parse(answer, other, true), table.act(values, change, case), true, (case, truth, change))
         )
     return found
+
+
+def _mistakes(
+    reading: Reading, group: Group, truths: Sequence[tuple[Case, Values]], true: Sequence[Sequence[FloatArray]]
+) -> list[FloatArray]:
+    """Return by what a mistake puts outputs off."""
+    return _differences([group.units(reading.make(truth, case), truth, case) for case, truth in truths], true)
 
 
 def _of_pairs(reading: Reading, group: Group, table: Table, pairs: Sequence[Pair]) -> list[FloatArray]:

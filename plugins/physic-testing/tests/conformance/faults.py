@@ -509,3 +509,30 @@ FURTHER: dict[str, tuple[tuple[str, str, Callable[..., Any]], ...]] = {
     ),
 }
 """Further faults, which are looked for in mocks without noise."""
+
+FOUND_BY = {
+    ("MockSegmenter", "boxes with the last pixel"): "boxes_are_tight",
+    ("MockSegmenter", "boxes in another order"): "boxes_enclose_their_masks",
+    ("MockSegmenter", "floor one pixel to the right"): "floor_is_in_place",
+    ("MockSegmenter", "everybody in one mask"): "people_have_masks_of_their_own",
+    ("MockInpainter", "blended"): "fill_has_the_colours_around",
+    ("MockInpainter", "one pixel down"): "fill_is_not_shifted",
+    ("MockInpainter", "whole picture one pixel to the right"): "only_the_mask_is_filled",
+    ("MockMetricDepth", "canonical focal length"): "depth_does_not_depend_on_the_focal_length",
+    ("MockMetricDepth", "one pixel to the right"): "depth_is_not_shifted",
+    ("MockMetricDepth", "principal point half a pixel off"): "intrinsics_are_not_biased",
+    ("MockMetricDepth", "sky at 65.5 m"): "sky_has_no_depth",
+    ("MockMetricDepth", "0.3 m too far"): "unknown_names_the_ambiguity",
+    ("MockRelativePointmap", "half a pixel off"): "points_lie_on_the_rays_of_the_camera",
+    ("MockKeypointDetector", "sigmoid twice"): "confidence_tells_hidden_joints",
+    ("MockKeypointDetector", "half a pixel off"): "joints_are_not_shifted_or_scaled",
+    ("MockKeypointDetector", "world points with x to the left"): "world_points_are_metres",
+    ("MockBodyEstimator", "inverse root"): "bodies_face_the_right_way",
+    ("MockBodyEstimator", "distance for a focal length of 250 px"): "distance_does_not_depend_on_the_crop",
+    ("MockBodyEstimator", "Euler angles"): "joints_turn_as_in_the_photo",
+    ("MockBodyEstimator", "joints with left and right exchanged"): "pose_is_not_turned_or_mirrored",
+    ("MockHandEstimator", "left hand not mirrored"): "hands_are_those_of_the_person",
+    ("MockContactPrior", "constant"): "contact_is_more_likely_where_bodies_touch",
+    ("MockContactPrior", "second half reversed"): "vertices_are_in_order",
+}
+"""Mock and fault -> the check that finds it, for the checks that no wrong backend of ``wrong_backends.py`` is for."""
