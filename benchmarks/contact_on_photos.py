@@ -16,6 +16,9 @@ knees, and knees and ankles: the parts below are as labelled. Of parts that need
 takes the keypoints of the whole picture. ``cut`` runs the preset on the cropped pictures of N photos of half "held",
 and prints the scores of the parts that the crops removed.
 
+Contact with other people and the own body is of kind "skin": hands, feet, forearms and lower legs whose partner was
+labelled say how much rarer it is in photos than in the worlds that its model was fitted to.
+
 The labels of DATA/photos lie beside the benchmark: two readers labelled them apart, from the pictures alone. A frame of
 a film counts half, since the frames of a film are not independent. Its hands count only if the person seems to hang by
 them: people in these films hold bars, and people in photos hardly touch anything.
@@ -37,6 +40,7 @@ from unittest.mock import patch
 import numpy as np
 from numpy.typing import NDArray
 
+from physic_core.engine.touch import IN_WORLDS, touch_model
 from physic_core.metrics import match_by_boxes
 
 from .truth.contact import MIN_IOU, OF_RESULTS, TOUCHES
@@ -50,6 +54,7 @@ if TYPE_CHECKING:
     from physic_core import Pipeline
     from physic_core.engine.contact.problem import ContactInput
     from physic_core.pipeline.estimate import Estimates
+    from physic_core.types import BodyContact, Person
 
 Array = NDArray[np.float64]
 
@@ -66,6 +71,9 @@ HALVES = ("development", "held")
 SPORT = "parkourone"
 """In the names of photos of sport with walls and rails."""
 
+SKIN = "skin"
+"""Kind of contact of a part with another person or the own body. Its fit shifts the log odds of the fit to worlds."""
+
 PARTS: dict[str, tuple[str, ...]] = {
     "foot": ("distance", "depth beside", "hanging"),
     "foot in the picture": ("lower than the other foot", "depth beside", "hanging"),
@@ -75,6 +83,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "unseen foot": (),
     "unseen hand": (),
     "unseen seat": (),
+    SKIN: (),
 }
 """Kind of part -> its features, see :func:`physic_core.engine.contact.parts.part_features`."""
 
@@ -157,12 +166,13 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
         return
     import cv2
 
-    from physic_core.engine.contact import parts
+    from physic_core.engine.contact import parts, solve
     from physic_core.errors import PhysicError
 
     kept: list[dict[str, dict[str, list[float]]]] = []
     estimates: list[Any] = []
-    features_of = parts.part_features
+    skin: dict[int, list[tuple[str, str, float]]] = {}
+    features_of, contacts_of = parts.part_features, solve.body_contacts
 
     def recorded(given: ContactInput, gap: Tensor) -> dict[str, dict[str, Tensor]]:
         features = features_of(given, gap)
@@ -173,9 +183,13 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
         estimates.append(found)
         return found
 
-    with patch.object(parts, "part_features", recorded):
+    def all_contacts(*given: Any, **options: Any) -> tuple[BodyContact, ...]:
+        return contacts_of(*given, **{**options, "least": 0.0})
+
+    with patch.object(parts, "part_features", recorded), patch.object(solve, "body_contacts", all_contacts):
         try:
-            pipeline(cv2.cvtColor(picture_of(sample), cv2.COLOR_BGR2RGB), complete=complete)
+            result = pipeline(cv2.cvtColor(picture_of(sample), cv2.COLOR_BGR2RGB), complete=complete)
+            skin = {person.index: skin_contacts(person) for person in result.people}
         except PhysicError as error:
             print(f"{sample.set} {sample.name}: {error}", file=sys.stderr)
     people: list[dict[str, Any]] = []
@@ -191,11 +205,26 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
                     "parts": {part: {k: v[i] for k, v in each.items()} for part, each in kept[0].items()},
                     "y": {name: float(e.keypoints.points[i, j, 1] * factor[1]) for name, j in rows.items()},
                     "lower": np.nan_to_num(e.stance.lower[i]).tolist(),
+                    "skin": skin.get(i, []),
                 }
             )
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text(json.dumps(people))
     print(sample.set, sample.name, len(people), file=sys.stderr, flush=True)
+
+
+def skin_contacts(person: Person) -> list[tuple[str, str, float]]:
+    """Return part, kind of partner and log odds by the fit to worlds, of the contacts of a person with skin."""
+    weights = touch_model()[SKIN]
+    return [
+        (one.part, one.partner.kind, (_logit(one.probability) - weights["constant"]) / weights[IN_WORLDS])
+        for one in person.contacts
+        if one.partner.kind in ("person", "self") and one.probability is not None
+    ]
+
+
+def _logit(probability: float) -> float:
+    return float(np.log(probability) - np.log1p(-probability))
 
 
 def cases_of(samples: Sequence[Sample], out: Path) -> list[Case]:
@@ -219,6 +248,23 @@ def cases_of(samples: Sequence[Sample], out: Path) -> list[Case]:
                     lower = {"lower than the other foot": one["lower"][part.startswith("right")]}
                     cases.append(replace(case, kind="foot in the picture", features={**case.features, **lower}))
             cases += [] if sample.frame is not None else cut_cases(picture_name(sample), one, judged)
+        cases += skin_cases(sample, people)
+    return cases
+
+
+def skin_cases(sample: Sample, people: Sequence[Mapping[str, Any]]) -> list[Case]:
+    """Return the contacts of the found people of a photo with skin, on parts whose partner was labelled."""
+    truth = sample.truth.get("people", ())
+    if not people or not truth:
+        return []
+    matched = match_by_boxes([one["box"] for one in people], [one["box"] for one in truth], MIN_IOU).predicted_of
+    cases = []
+    for i, j in matched.items():
+        labels = {OF_RESULTS.get(part, part): label for part, label in truth[i]["parts"].items()}
+        for part, partner, odds in people[j]["skin"]:
+            if (label := labels.get(part)) is not None:
+                touches = label == {"self": "own"}.get(partner, partner)
+                cases.append(Case(picture_name(sample), SKIN, {IN_WORLDS: odds}, touches, 1.0))
     return cases
 
 
@@ -321,15 +367,18 @@ def judged_parts(
     return [(largest, {part: bool(sample.truth["touches"][limb]) for part, limb in limbs.items()})]
 
 
-def logistic(features: Array, touches: Array, weights: Array) -> Array:
-    """Return constant and coefficients of log odds, by maximum likelihood with a ridge on standardised columns."""
+def logistic(features: Array, touches: Array, weights: Array, known: Array) -> Array:
+    """Return constant and coefficients of log odds, by maximum likelihood with a ridge on standardised columns.
+
+    ``known`` (n,) is added to the log odds.
+    """
     from scipy.optimize import minimize
 
     mean, spread = features.mean(0), features.std(0) + 1e-9
     columns = np.c_[np.ones(len(features)), (features - mean) / spread]
 
     def loss(w: Array) -> float:
-        odds = columns @ w
+        odds = known + columns @ w
         return float((weights * (np.logaddexp(0, odds) - touches * odds)).sum() + RIDGE / 2 * (w[1:] ** 2).sum())
 
     found = minimize(loss, np.zeros(columns.shape[1])).x
@@ -337,12 +386,13 @@ def logistic(features: Array, touches: Array, weights: Array) -> Array:
     return np.array([found[0] - slopes @ mean, *slopes])
 
 
-def table_of(cases: Sequence[Case], kind: str) -> tuple[Array, Array, Array]:
-    """Return the features (n, F), whether the parts touch, and the weights of the cases of one kind."""
+def table_of(cases: Sequence[Case], kind: str) -> tuple[Array, Array, Array, Array]:
+    """Return features (n, F), whether the parts touch, weights, and known log odds of the cases of one kind."""
     own = [case for case in cases if case.kind == kind]
     features = [[float(np.nan_to_num(case.features[name])) for name in PARTS[kind]] for case in own]
     touches, weights = np.array([(case.touches, case.weight) for case in own], np.float64).T
-    return np.array(features, np.float64), touches, weights
+    known = np.array([case.features.get(IN_WORLDS, 0.0) for case in own], np.float64)
+    return np.array(features, np.float64), touches, weights, known
 
 
 def fit_all(cases: Sequence[Case], *, write: bool) -> None:
@@ -362,6 +412,7 @@ def fit_all(cases: Sequence[Case], *, write: bool) -> None:
         weights[kind] = dict(zip(("constant", *PARTS[kind]), w.round(3).tolist(), strict=True))
     # Pictures that are cut above the feet show no toes, and so no posture of people who hang.
     weights["unseen foot"]["hanging"] = weights["foot"]["hanging"]
+    weights[SKIN][IN_WORLDS] = 1.0
     photos = len({case.picture for case in cases if case.weight == 1})
     films = len({case.picture for case in cases if case.weight < 1})
     record = {
@@ -387,7 +438,11 @@ def left_out(cases: Sequence[Case], kind: str) -> list[tuple[Case, float]]:
 
 def chance(case: Case, weights: Array) -> float:
     """Return the probability that the part of a case touches."""
-    odds = weights[0] + weights[1:] @ [float(np.nan_to_num(case.features[name])) for name in PARTS[case.kind]]
+    odds = (
+        case.features.get(IN_WORLDS, 0.0)
+        + weights[0]
+        + weights[1:] @ [float(np.nan_to_num(case.features[name])) for name in PARTS[case.kind]]
+    )
     return float(1 / (1 + np.exp(-odds)))
 
 

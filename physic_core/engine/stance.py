@@ -97,7 +97,7 @@ class Stance(ShortRepr):
 
         People who jump with raised arms have the posture of people who hang, but nothing beside their hands.
         """
-        return self.hanging[:, None] * np.clip(-self.depth_beside[:, 2:4] / _USUAL_BESIDE, 0.0, 1.0)
+        return np.asarray(self.hanging[:, None] * np.clip(-self.depth_beside[:, 2:4] / _USUAL_BESIDE, 0.0, 1.0))
 
     @property
     def touch(self) -> FloatArray:

@@ -26,6 +26,9 @@ LEAST_PROBABILITY = 0.5
 DEPTH_BESIDE = "depth beside"
 """Feature of feet, hands and seats: how far the depth beside the part in the picture is from its own."""
 
+IN_WORLDS = "log odds in worlds"
+"""Feature of kind "skin": that a part touches another person or the own body, by a fit to synthetic worlds."""
+
 HANGING = "hanging"
 """Feature of feet: how far the posture in the picture is that of people who hang."""
 
@@ -40,7 +43,8 @@ def touch_log_odds(kind: str, features: Mapping[str, Values]) -> Values | float:
 
     Args:
         kind: of the parts: "foot", "hand", "seat" or "other"; "foot in the picture" before people are placed; "unseen
-            foot", "unseen hand" or "unseen seat" if no pixel shows the part.
+            foot", "unseen hand" or "unseen seat" if no pixel shows the part; "skin" for contact of a part with another
+            person or the own body.
         features: name -> values (...), more than the kind needs or as many.
 
     Raises:

@@ -138,7 +138,7 @@ def test_own_parts_are_listed_once_from_the_outer_one_and_adjacent_ones_are_not(
     regions = ContactRegions(names, torch.tensor([0, 1, 2, 3, 3]).repeat_interleave(4))
     person = vertex_contacts(index, torch.tensor([0.4, 0.6, 0.5, 0.5, 0.9]).repeat_interleave(4))
     contacts = body_contacts(person, table, regions, SAME_ODDS)
-    assert [str(one) for one in contacts] == ["left hand: own head, 0.40"]
+    assert [(one.part, one.partner.part) for one in contacts] == [("left_hand", "head")]
     assert body_contacts(person, table, regions, SAME_ODDS, least=0.61) == ()
 
 

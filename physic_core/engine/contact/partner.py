@@ -148,13 +148,15 @@ def body_contacts(
             continue
         partner, number = divmod(value, len(regions.names))
         part, here, sure = regions.names[number], touching & (code == value), None
-        on_skin = table[partner].kind in ("person", "self", "object")
-        if on_skin and part in assumed:
+        on_skin = table[partner].kind in ("person", "self")
+        not_of_scene = on_skin or table[partner].kind == "object"
+        if not_of_scene and part in assumed:
             continue
         if person.probability is not None and model is not None:
             likely = person.probability[here]
             of_scene = assumed.get(part, mean_of_surest(likely))
-            sure = round(model.part_probability(likely) if on_skin else of_scene, DECIMALS)
+            of_part = model.part_probability(likely, on_skin=on_skin) if not_of_scene else of_scene
+            sure = round(of_part, DECIMALS)
         if sure is None or sure >= least:
             dent = _dent_of(person.dent[here])
             found.append(BodyContact(part, table[partner], sure, count, dent, assumed=part in assumed))

@@ -17,6 +17,7 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.contact.features import KINDS, Columns
+from physic_core.engine.touch import IN_WORLDS, touch_log_odds
 
 SUREST_VERTICES = 10
 """Number of vertices whose mean probability decides whether their body part touches."""
@@ -56,10 +57,11 @@ class ContactModel:
             found.append(torch.sigmoid(log_odds))
         return torch.stack(found)
 
-    def part_probability(self, vertices: Tensor) -> float:
-        """Return the probability that a body part touches skin or an object, by those (n,) of its vertices."""
+    def part_probability(self, vertices: Tensor, *, on_skin: bool) -> float:
+        """Return the probability that a body part touches skin, or an object, by those (n,) of its vertices."""
         odds = torch.logit(torch.tensor(mean_of_surest(vertices), dtype=torch.float64), 1e-6)
-        return float(torch.sigmoid(self.part["constant"] + self.part["log odds"] * odds))
+        odds = self.part["constant"] + self.part["log odds"] * odds
+        return float(torch.sigmoid(torch.as_tensor(touch_log_odds("skin", {IN_WORLDS: odds}) if on_skin else odds)))
 
 
 def mean_of_surest(vertices: Tensor) -> float:
