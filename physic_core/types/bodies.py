@@ -87,8 +87,8 @@ class Bodies(ShortRepr):
 
     Bodies of another model than the configured one are converted to it from ``joints``, and from ``mesh`` if given.
     Rotations are used if the model is "embedded", "smplx" or "smpl" (joints 0-21 as SMPL's, hands zero), which share
-    the T-pose, and if it is "mhr" and some are not zero. Any other model may leave rotations and shape zero, and must
-    give joints or a mesh.
+    the T-pose, and of any other model with ``tpose_rotations``. It may leave rotations and shape zero, and must give
+    joints or a mesh.
 
     Attributes:
         parameters: of N bodies, body i of person i, metres, camera frame.
@@ -100,6 +100,7 @@ class Bodies(ShortRepr):
         rotation_sigma: (N, 22) radians, standard deviation of the angle of error of ``global_orient`` and of each
             rotation in ``body_pose``; NaN where unknown. None if the backend does not state it. The smaller it is, the
             less the engine bends what the photo shows of the body.
+        tpose_rotations: whether the rotations of a body of another model are those of SMPL-X's joints from its T-pose.
     """
 
     parameters: BodyParameters = field(metadata=PER_PERSON)
@@ -108,6 +109,7 @@ class Bodies(ShortRepr):
     joints: FloatArray | None = field(default=None, metadata=PER_PERSON)
     mesh: Mesh | None = field(default=None, metadata=PER_PERSON)
     rotation_sigma: FloatArray | None = field(default=None, metadata=PER_PERSON)
+    tpose_rotations: bool = False
 
 
 @dataclass(frozen=True)

@@ -114,8 +114,7 @@ def convert_with_residuals(
         fit, surface_m = _fit_to_surface(model, replace(mesh, vertices=mesh.vertices[usable]), find)
     else:
         world = None
-        stated = bodies.body_model == "mhr" and bodies.parameters.body_pose[usable].any()
-        if bodies.body_model in _SHARED or stated:
+        if bodies.body_model in _SHARED or bodies.tpose_rotations:
             world = rotations_from_tpose(
                 rotations_from_parameters(bodies.parameters[usable], dtype=torch.float64).numpy()
             )

@@ -148,6 +148,7 @@ class InstantHmr(OnnxBackend, BodyEstimator):
             observed=observed_joints(keypoints, height, width, self.options.seen_confidence),
             joints=joints + transl[:, None].astype(np.float32),
             mesh=mesh,
+            tpose_rotations=posed is not None,
         )
 
 
