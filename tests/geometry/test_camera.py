@@ -51,6 +51,15 @@ def test_unprojected_pixels_project_back(x: float, y: float, z: float) -> None:
     torch.testing.assert_close(again, point)
 
 
+def test_gradients_of_projection_and_unprojection_are_those_of_finite_differences() -> None:
+    point = torch.tensor([[0.3, -0.2, 2.0], [-1.1, 0.7, 5.0]], dtype=torch.float64, requires_grad=True)
+    uv = project(point, K).detach().requires_grad_()
+    depth = point[:, 2].detach().requires_grad_()
+    camera = K.clone().requires_grad_()
+    assert torch.autograd.gradcheck(project, (point, camera))
+    assert torch.autograd.gradcheck(unproject, (uv, depth, camera))
+
+
 def test_what_is_behind_the_camera_keeps_pixel_and_gradient_finite() -> None:
     points = torch.tensor([[0.1, 0.1, 0.0], [0.1, 0.1, -1.0]], dtype=torch.float64, requires_grad=True)
     uv = project(points, K)
