@@ -1,9 +1,8 @@
 """Depth buffers of batches of posed bodies on any device.
 
-Camera frame (x right, y down, z forward), metres; the camera is the origin. :mod:`physic_core.geometry.visibility` uses
-rays on the CPU and this module on CUDA. Triangles are bucketed by the size of their pixel box, and each bucket is
-tested as one block. A minimum over (depth, face) in one integer selects the nearest face, so that results are
-deterministic.
+Camera frame (x right, y down, z forward), metres; the camera is the origin. Triangles are bucketed by the size of their
+pixel box, and each bucket is tested as one block. A minimum over (depth, face) in one integer selects the nearest face,
+so that results are deterministic.
 """
 
 from __future__ import annotations
@@ -16,41 +15,6 @@ from torch import Tensor
 _SIDES = (2, 4, 8, 16, 32, 64, 128, 256, 512, 1024)  # px, sides of the pixel boxes of a bucket
 _BLOCK = 1 << 24  # pixels per block
 _NEAR_M = 1e-3  # triangles with a smaller depth are not drawn
-_BEHIND_M = 2e-3  # as for rays: a smaller gap is rounding error
-
-
-def hidden_by_raster(vertices: Tensor, faces: Tensor, size: int = 1024) -> tuple[Tensor, Tensor]:
-    """Return which vertices are behind another face of their own mesh, by a depth buffer.
-
-    Each body fills its image. Depths are compared on the vertex's own ray, so that no slanted face hides itself.
-
-    Args:
-        vertices: (B, V, 3) metres, camera frame.
-        faces: (F, 3) int64, of a closed surface, counter-clockwise seen from outside.
-        size: side of the images, px.
-
-    Returns:
-        hidden: (B, V) bool.
-        face: (B, V) int64, the face in front of a hidden vertex; -1 for the others.
-    """
-    batch, count = vertices.shape[:2]
-    pixels = _fill_image(vertices, size)
-    seen = rasterize(pixels, vertices[..., 2], faces, size, size)
-    # Pixels of vertices behind the camera are invalid.
-    inside = ((pixels >= 0) & (pixels <= size - 1)).all(-1) & (vertices[..., 2] > _NEAR_M)
-    at = torch.where(inside[..., None], pixels, torch.zeros_like(pixels)).round().long()
-    face = seen.view(batch, -1).gather(1, at[..., 1] * size + at[..., 0])
-    corners = faces[face.clamp(min=0)]
-    rows = torch.arange(batch, device=vertices.device)[:, None]
-    a, b, c = (vertices[rows, corners[..., k]] for k in range(3))
-    normal = torch.linalg.cross(b - a, c - a)
-    along = (normal * vertices).sum(-1)
-    # The plane's intersection with the vertex's ray, as a share of the distance to the vertex.
-    share = torch.where(along.abs() > 1e-12, (normal * a).sum(-1) / along, torch.full_like(along, torch.inf))
-    own = (corners == torch.arange(count, device=vertices.device)[:, None]).any(-1)
-    gap = (1 - share) * vertices.norm(dim=-1)
-    hidden = inside & (face >= 0) & ~own & (gap > _BEHIND_M)
-    return hidden, torch.where(hidden, face, torch.full_like(face, -1))
 
 
 def rasterize(pixels: Tensor, z: Tensor, faces: Tensor, height: int, width: int) -> Tensor:
@@ -119,14 +83,6 @@ def _draw(pictures: Tensor, triangles: _Triangles, side: int) -> None:
     # Positive floats have the same order as their bit patterns.
     key = (z.float().view(torch.int32).long() << 32) | name[which]
     pictures.view(-1).scatter_reduce_(0, pixel, key, "amin")
-
-
-def _fill_image(vertices: Tensor, size: int) -> Tensor:
-    """Project each body to pixels (B, V, 2) of a square image that it fills."""
-    flat = vertices[..., :2] / vertices[..., 2:].clamp(min=_NEAR_M)
-    low, high = flat.amin(1, keepdim=True), flat.amax(1, keepdim=True)
-    scale = (size - 1) / (high - low).amax(-1, keepdim=True).clamp(min=1e-9)
-    return (flat - low) * scale
 
 
 def _sides(largest: int) -> list[int]:

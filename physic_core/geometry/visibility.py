@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,7 +21,6 @@ import torch.nn.functional as F
 from numpy.typing import NDArray
 from torch import Tensor
 
-from physic_core.geometry.raster import hidden_by_raster
 from physic_core.geometry.rays import RayCaster
 
 if TYPE_CHECKING:
@@ -66,7 +64,7 @@ def inside_mask(uv: Tensor, mask: Tensor) -> Tensor:
 def hidden_from_camera(vertices: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
     """Return which vertices are behind another face of their own mesh.
 
-    By ray casts on the CPU, and by rasterisation on CUDA.
+    Rays are cast on the CPU, so that every device gives the same answer.
 
     Args:
         vertices: (..., V, 3) metres, camera frame.
@@ -78,9 +76,6 @@ def hidden_from_camera(vertices: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]
     """
     shape = vertices.shape[:-1]
     bodies = vertices.detach().reshape(-1, *vertices.shape[-2:])
-    if vertices.is_cuda:
-        hidden, face = hidden_by_raster(bodies, faces)
-        return hidden.reshape(shape), face.reshape(shape)
     triangles = faces.cpu().numpy()
     pairs = [_cast_rays(body.cpu().double().numpy(), triangles) for body in bodies]
     hidden, face = (torch.from_numpy(np.stack(part)).to(vertices.device) for part in zip(*pairs, strict=True))
@@ -107,23 +102,6 @@ def _cast_rays(
     return hidden, np.where(hidden, face, -1)
 
 
-@dataclass(frozen=True)
-class SelfOcclusion:
-    """Self-occlusion of people: occluded vertices (..., V) and occluded body parts (..., P).
-
-    Attributes:
-        hidden: (..., V) bool, vertices behind any face of the same body.
-        by_other_part: (..., V) bool, vertices behind a face of another part.
-        parts: (..., P) bool, occluded parts.
-        vertices: (..., V) bool, all vertices of those parts.
-    """
-
-    hidden: Tensor
-    by_other_part: Tensor
-    parts: Tensor
-    vertices: Tensor
-
-
 def self_occlusion(
     vertices: Tensor,
     faces: Tensor,
@@ -131,7 +109,7 @@ def self_occlusion(
     parts: Sequence[int],
     share: float = 0.3,
     coarse: CoarseMesh | None = None,
-) -> SelfOcclusion:
+) -> tuple[Tensor, Tensor]:
     """Find body parts that other parts of the same body hide from the camera (paper sec. 3.3).
 
     Args:
@@ -141,6 +119,10 @@ def self_occlusion(
         parts: parts that can become occluded; the paper and its code take the limbs, not trunk and head.
         share: least share of a part's vertices hidden by other parts.
         coarse: simplified mesh of the same body; its vertices are tested instead, several times as fast.
+
+    Returns:
+        hidden: (..., V) bool, vertices behind any face of the same body.
+        of_hidden_parts: (..., V) bool, all vertices of the occluded parts.
     """
     if coarse is None:
         hidden, face = hidden_from_camera(vertices, faces)
@@ -156,7 +138,7 @@ def self_occlusion(
     eligible = torch.zeros(count, dtype=torch.bool, device=vertices.device)
     eligible[list(parts)] = True
     occluded = eligible & (lost >= share * total) & (total > 0)
-    return SelfOcclusion(hidden, by_other, occluded, occluded[..., part_of_vertex])
+    return hidden, occluded[..., part_of_vertex]
 
 
 def front_depth(depth: Tensor) -> Tensor:

@@ -77,16 +77,15 @@ class OcclusionTracker:
         # Motion along the rays does not change the self-occlusion.
         seen = vertices / away
         if self._seen is None:
-            shadow = self._cast(vertices)
-            self._seen, self._hidden, self._hidden_limbs = seen, shadow.hidden, shadow.vertices
+            self._seen, (self._hidden, self._hidden_limbs) = seen, self._cast(vertices)
         else:
             moved = ((seen - self._seen) * away).square().sum(-1).mean(1).sqrt()
             rows = (~(moved < _MIN_MOTION_M)).nonzero(as_tuple=True)[0]
             if len(rows):
-                shadow = self._cast(vertices[rows])
+                hidden, hidden_limbs = self._cast(vertices[rows])
                 self._seen = self._seen.index_copy(0, rows, seen[rows])
-                self._hidden = self._hidden.index_copy(0, rows, shadow.hidden)
-                self._hidden_limbs = self._hidden_limbs.index_copy(0, rows, shadow.vertices)
+                self._hidden = self._hidden.index_copy(0, rows, hidden)
+                self._hidden_limbs = self._hidden_limbs.index_copy(0, rows, hidden_limbs)
         return self._hidden, self._hidden_limbs
 
 
