@@ -159,13 +159,13 @@ def contradictions(
         if math.isfinite(h)
     ]
     if known.camera_height is not None:
-        if scene.floor_normal is None:
+        if scene.floor is None:
             warnings.append(
                 f"the camera height {known.camera_height:g} m was not used: no floor was found; give a stature or a "
                 "known length instead"
             )
         else:
-            height = scene.floor_offset * result.scene_scale
+            height = scene.floor.offset * result.scene_scale
             sizes.append(("the camera height", known.camera_height, height))
     for i in problem.known.unused:
         length = known.lengths[i]

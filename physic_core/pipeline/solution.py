@@ -166,8 +166,8 @@ def _intrinsics(K: Tensor, estimates: Estimates) -> Intrinsics:
 def _scene(scene: SceneState, scale: float, scale_sigma: float | None, estimates: Estimates) -> Scene:
     """Convert the scene of the engine, multiplied by the scale of stage 3."""
     floor = None
-    if scene.floor_normal is not None:
-        floor = Plane(scene.floor_normal.numpy(), float(scene.floor_offset * scale))
+    if scene.floor is not None:
+        floor = Plane(scene.floor.normal.numpy(), float(scene.floor.offset * scale))
     return Scene(
         points=(scene.points * scale).float().numpy(),
         normals=scene.normals.float().numpy(),

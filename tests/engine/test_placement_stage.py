@@ -36,8 +36,6 @@ def given(make_stage):
         points=rays * depth[..., None],
         normals=torch.where(is_floor[..., None], UP, torch.tensor([0.0, 0.0, -1.0])),
         valid=torch.ones_like(is_floor),
-        floor_normal=UP,
-        floor_offset=problem.floor_offset,
         floor_points=torch.zeros(0, 3),
         K=problem.K.double(),
         alignment=Alignment(1.0, 0.0, "scale", 1.0, 0.0),
@@ -78,13 +76,13 @@ def known(given) -> KnownGeometry:
         torch.zeros(0, 2, 3),
         torch.zeros(0, dtype=torch.int64),
     )
-    return KnownGeometry(torch.tensor([torch.nan]), 1.1 * given.scene.floor_offset, nothing)
+    return KnownGeometry(torch.tensor([torch.nan]), 1.1 * given.scene.floor.offset, nothing)
 
 
 def test_heights_over_the_floor_grow_with_the_scene(given, known):
     before = replace(given.scene, floor_points=torch.tensor([[0.3, 1.2, 3.0]]))
     scenes = before, scale_scene(before, known, 1.1)[0]
-    low, high = (height_over_plane(s.floor_points, s.floor_normal, s.floor_offset) for s in scenes)
+    low, high = (height_over_plane(s.floor_points, s.floor.normal, s.floor.offset) for s in scenes)
     torch.testing.assert_close(high, 1.1 * low)
 
 

@@ -67,10 +67,10 @@ def test_metric_scale_is_recovered_for_each_kind_of_unknown(unknown: AffineAmbig
     )  # fmt: skip
     error = ((state.points[..., 2] - DEPTH).abs() / DEPTH)[state.valid]
     assert float(error.median()) < 0.005
-    assert angle_deg(state.floor_normal, UP) < 0.5
-    assert state.floor_offset == pytest.approx(HEIGHT_M, abs=0.02)
+    assert angle_deg(state.floor.normal, UP) < 0.5
+    assert state.floor.offset == pytest.approx(HEIGHT_M, abs=0.02)
     assert state.K[0, 0] == pytest.approx(140.0, rel=0.01)
-    assert height_over_plane(state.floor_points, state.floor_normal, state.floor_offset).abs().max() < 1e-4
+    assert height_over_plane(state.floor_points, state.floor.normal, state.floor.offset).abs().max() < 1e-4
 
 
 def build_scene(
@@ -166,17 +166,15 @@ def test_the_grazing_far_floor_is_not_taken_for_an_edge(monkeypatch: pytest.Monk
     far_floor = ON_FLOOR & (DEPTH > 4) & (DEPTH < 5.5)
     far_floor[:, 95:145] = False
     assert bool(with_floor.valid[far_floor].all())
-    normal = with_floor.floor_normal
+    normal = with_floor.floor.normal
     torch.testing.assert_close(with_floor.normals[far_floor], normal.expand(int(far_floor.sum()), 3), atol=0.01, rtol=0)
-    assert without.floor_normal is None
+    assert without.floor is None
 
 
 def test_a_photo_without_a_floor_reports_it_and_nothing_else_changes() -> None:
     wall = RAYS * 3.0
     state = build_scene(wall, ALL, "scale", wall[..., 2], K=K)
-    assert state.floor_normal is None
     assert state.floor is None
-    assert state.floor_offset == 0.0
     assert state.floor_points.shape == (0, 3)
     assert state.valid.all()
     assert state.diagnostics["floor"]["reason"] == "no_consensus"
@@ -184,7 +182,7 @@ def test_a_photo_without_a_floor_reports_it_and_nothing_else_changes() -> None:
 
 def test_a_floor_mask_that_is_no_floor_is_reported() -> None:
     state = scene(floor_mask=BOX)
-    assert angle_deg(state.floor_normal, UP) < 0.5
+    assert angle_deg(state.floor.normal, UP) < 0.5
     assert state.diagnostics["floor"]["in_mask"] is False
 
 

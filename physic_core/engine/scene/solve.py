@@ -58,8 +58,6 @@ class SceneState(ShortRepr):
         points: (H, W, 3); every valid point projects to its pixel (not in preset "paper").
         normals: (H, W, 3) unit, facing the camera; zero where unknown.
         valid: (H, W) bool; False at depth edges, outliers and beyond the far limit.
-        floor_normal: (3,) unit, up, or None without a floor.
-        floor_offset: height of the camera above the floor, metres; 0 without a floor.
         floor_points: (M, 3) on the floor, within the extent of the scene.
         K: (3, 3) px, float64.
         alignment: of the relative point map to the metric depth.
@@ -70,8 +68,6 @@ class SceneState(ShortRepr):
     points: Tensor
     normals: Tensor
     valid: Tensor
-    floor_normal: Tensor | None
-    floor_offset: float
     floor_points: Tensor
     K: Tensor
     alignment: Alignment
@@ -92,7 +88,7 @@ class SceneState(ShortRepr):
     @property
     def floor_plane(self) -> tuple[Tensor, float] | None:
         """Normal and offset of the floor, or None."""
-        return None if self.floor_normal is None else (self.floor_normal, self.floor_offset)
+        return None if self.floor is None else (self.floor.normal, self.floor.offset)
 
 
 def solve_scene(given: SceneInput, method: SceneMethod) -> SceneState:
@@ -129,8 +125,6 @@ def solve_scene(given: SceneInput, method: SceneMethod) -> SceneState:
         points=placed,
         normals=surface,
         valid=clean,
-        floor_normal=None if floor is None else floor.normal,
-        floor_offset=0.0 if floor is None else floor.offset,
         floor_points=floor_points,
         K=camera,
         alignment=alignment,

@@ -231,8 +231,8 @@ def scale_scene_to_known_sizes(
     """
     geometry = _known_geometry(known, stature, masks, scene)
     evidence = []
-    if known.camera_height is not None and scene.floor_normal is not None:
-        evidence.append(ScaleEvidence.by_known_size(known.camera_height, scene.floor_offset))
+    if known.camera_height is not None and scene.floor is not None:
+        evidence.append(ScaleEvidence.by_known_size(known.camera_height, scene.floor.offset))
     d = geometry.distances
     on_scene = (d.person < 0).all(1)
     extent = torch.linalg.vector_norm(d.points[on_scene, 0] - d.points[on_scene, 1], dim=-1)
@@ -294,7 +294,6 @@ def scale_scene(scene: SceneState, known: KnownGeometry, factor: float) -> tuple
     scaled = replace(
         scene,
         points=scene.points * factor,
-        floor_offset=scene.floor_offset * factor,
         floor_points=scene.floor_points * factor,
         floor=floor,
     )
