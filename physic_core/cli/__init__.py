@@ -5,7 +5,6 @@ A command is imported when it runs. ``physic --help`` imports only click and the
 
 from __future__ import annotations
 
-import os
 from io import StringIO
 from typing import Any
 
@@ -13,7 +12,7 @@ import click
 
 from physic_core.cli.exit_codes import INTERRUPTED, MEANINGS, OTHER, exit_code
 from physic_core.cli.groups import ExtensibleGroup
-from physic_core.cli.output import echo, open_missing_streams, printed_logs
+from physic_core.cli.output import echo, printed_logs
 from physic_core.errors import PhysicError
 from physic_core.files.text import shorten
 
@@ -30,21 +29,10 @@ _OUT_OF_MEMORY = (
 
 
 class _Main(ExtensibleGroup):
-    def main(self, *args: Any, **settings: Any) -> Any:
-        """Run a command as click does, with standard streams that are open."""
-        open_missing_streams()
-        return super().main(*args, **settings)
-
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command; print a PhysicError, and exit with the code of its class."""
         from physic_core.discovery.plugin_code import own_stdout
 
-        try:
-            os.getcwd()
-        except OSError:  # relative paths would fail, and so would libraries that read it at import
-            raise click.UsageError(
-                "the current folder does not exist or cannot be read: change to another one"
-            ) from None
         try:
             with own_stdout(), printed_logs():
                 return super().invoke(ctx)
@@ -62,14 +50,8 @@ class _Main(ExtensibleGroup):
             message = "\n".join(shorten(line, _MAX_LINE) for line in str(error).split("\n"))
             echo(f"{traceback_text(error)}Error: {message}", err=True)
             ctx.exit(exit_code(error))
-        except (MemoryError, OSError, ImportError, RuntimeError) as error:
-            from physic_core.cli.exit_codes import is_out_of_memory
-
-            if isinstance(error, click.exceptions.Exit) or not is_out_of_memory(error):
-                raise
-            from physic_core.discovery.error_text import traceback_text
-
-            echo(f"{traceback_text(error)}{_OUT_OF_MEMORY}", err=True)
+        except MemoryError:
+            echo(_OUT_OF_MEMORY, err=True)
             ctx.exit(OTHER)
 
 

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import glob
-import os
-import re
-import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -49,30 +45,6 @@ def _refuse_file(ctx: click.Context, parameter: click.Parameter, preset: str | N
         name = file.opts[0] if isinstance(file, click.Option) else file.human_readable_name
         raise click.UsageError(f'--preset cannot be combined with {name}: write extends = "NAME" into the file')
     return preset
-
-
-def one_photo(given: tuple[str, ...]) -> Path:
-    """Return the path of the one photo that a command takes.
-
-    Raises:
-        UsageError: there are several; the message has the command for many photos.
-        InputError: it is a folder, a pattern or a URL.
-    """
-    from physic_core.errors import InputError
-
-    batch = f"type: physic batch {' '.join(map(shlex.quote, given[:4]))}{' ...' * (len(given) > 4)} -o results"
-    if len(given) > 1:
-        raise click.UsageError(f"physic run takes one photo, got {len(given)}; for many, {batch}")
-    (text,) = given
-    if not text:
-        raise click.UsageError("the photo name is empty: name an image file")
-    if os.path.isdir(text):
-        raise InputError(f"cannot read the photo {text}: it is a folder; name one image file; for many, {batch}")
-    if not os.path.lexists(text) and re.match(r"[A-Za-z][A-Za-z0-9+.-]+://", text):
-        raise InputError(f"cannot read the photo {text}: it is a URL; download it, and name the file")
-    if not os.path.lexists(text) and glob.has_magic(text) and glob.glob(text, recursive=True):
-        raise InputError(f"cannot read the photo {text}: it is a pattern; name one image file; for many, {batch}")
-    return Path(text)
 
 
 def require_interface(name: str | None) -> None:

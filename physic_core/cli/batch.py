@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,6 @@ import click
 
 from physic_core.cli.arguments import configuration_options
 from physic_core.cli.output import echo
-from physic_core.files.text import printable
 
 if TYPE_CHECKING:
     from physic_core.batch.process import BatchJob
@@ -89,10 +88,7 @@ def batch(
         for item in todo:
             echo(item.path)
         return
-    from physic_core.cli.run import sigterm_as_exception
-
-    with sigterm_as_exception(), _show_progress(len(todo)) as on_row:
-        run_batch(todo, job, run, Path(job.out) / name, on_row)
+    run_batch(todo, job, run, Path(job.out) / name, _row_printer(len(todo)))
     written = [write_table(Path(job.out), table), write_people_table(Path(job.out))]
     if job.thumbnails:
         written.append(write_contact_sheet(Path(job.out)))
@@ -155,47 +151,19 @@ def _describe(plan: BatchPlan, photos: int) -> str:
     return "; ".join(parts)
 
 
-@contextmanager
-def _show_progress(total: int) -> Iterator[Callable[[Mapping[str, Any]], None]]:
-    """Yield a function for each row: on stderr, a bar with rate, time left and failures on a terminal, otherwise
-    lines."""
-    import sys
-    import time
-
+def _row_printer(total: int) -> Callable[[Mapping[str, Any]], None]:
+    """Return a function that prints a line to stderr for each row, with rate, time left and failures."""
     start, count = time.monotonic(), Counter[str]()
 
-    def status() -> str:
+    def print_row(row: Mapping[str, Any]) -> None:
+        count[row["state"]] += 1
         done, seconds = count.total(), time.monotonic() - start
+        reason = f": {row['error']}: {row['message']}" if row["error"] else ""
         failures = f", {count['failed']} failed" if count["failed"] else ""
-        if not done:
-            return "loading models"
-        left = (total - done) * seconds / done
-        return f"{60 * done / seconds:.1f} photos/min, {_duration(left)} left{failures}"
+        rate = f"{60 * done / seconds:.1f} photos/min, {_duration((total - done) * seconds / done)} left{failures}"
+        echo(f"[{done}/{total}] {row['state']} {row['path']}{reason} ({rate})", err=True)
 
-    if not sys.stderr.isatty():
-
-        def line(row: Mapping[str, Any]) -> None:
-            count[row["state"]] += 1
-            reason = f": {row['error']}: {row['message']}" if row["error"] else ""
-            echo(f"[{count.total()}/{total}] {row['state']} {row['path']}{reason} ({status()})", err=True)
-
-        yield line
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-
-    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"))
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(status(), total=total)
-
-        def advance(row: Mapping[str, Any]) -> None:
-            count[row["state"]] += 1
-            if row["error"]:
-                text = printable(f"{row['path']}: {row['error']}: {row['message']}")
-                bar.console.print(text, markup=False, highlight=False)
-            bar.update(task, advance=1, description=status())
-
-        yield advance
+    return print_row
 
 
 def _duration(seconds: float) -> str:

@@ -1,12 +1,10 @@
-"""Exit codes of all commands, by error class, and detection of out-of-memory errors.
+"""Exit codes of all commands, by error class.
 
 Code 2: the user has to correct the arguments or the configuration. Code 5: the author of a plugin has to correct the
 plugin. A configuration with errors of both kinds exits with 2.
 """
 
 from __future__ import annotations
-
-import errno
 
 from physic_core.errors import (
     AmbiguousBackendError,
@@ -58,18 +56,3 @@ EXIT_CODES: dict[type[Exception], int] = {
 def exit_code(error: BaseException) -> int:
     """Return the exit code of a command that ended with this error."""
     return next((EXIT_CODES[kind] for kind in type(error).__mro__ if kind in EXIT_CODES), OTHER)
-
-
-_TEXTS = ("failed to map segment", "cannot allocate memory", "can't allocate memory", "out of memory")
-
-
-def is_out_of_memory(error: BaseException) -> bool:
-    """Return whether an error, or one that it was raised from, is an out-of-memory error."""
-    seen: BaseException | None = error
-    while seen is not None:
-        if isinstance(seen, MemoryError) or (isinstance(seen, OSError) and seen.errno == errno.ENOMEM):
-            return True
-        if isinstance(seen, (ImportError, RuntimeError)) and any(text in str(seen).lower() for text in _TEXTS):
-            return True
-        seen = seen.__cause__
-    return False

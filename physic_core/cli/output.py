@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
-import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -55,22 +54,6 @@ class _EchoHandler(logging.Handler):
         echo(self.format(record).rstrip("\n"), err=True)
 
 
-def open_missing_streams() -> None:
-    """Open the null device for closed standard streams: files opened later would take their descriptors."""
-    for number, name in enumerate(("stdin", "stdout", "stderr")):
-        try:
-            os.fstat(number)
-        except OSError:
-            null = os.open(os.devnull, os.O_RDWR)
-            os.dup2(null, number)
-            if null == number:
-                os.set_inheritable(number, True)
-            else:
-                os.close(null)
-        if getattr(sys, name) is None:
-            setattr(sys, name, open(number, "w" if number else "r", closefd=False))  # noqa: SIM115 -- until the end
-
-
 def format_table(rows: Sequence[tuple[str, ...]]) -> str:
     """Format rows of text as a table with aligned columns."""
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]) - 1)]
@@ -113,38 +96,13 @@ def print_messages(messages: Sequence[tuple[str, str]], verbose: bool) -> None:
         echo(f"networks: {runtimes}", err=True)
 
 
-@contextmanager
-def show_progress(quiet: bool = False) -> Iterator[Callable[[str, int, int], None]]:
-    """Yield a progress callback: a bar on a terminal, otherwise one line for each stage; on stderr."""
-    if quiet:
-        yield lambda name, done, total: None
-        return
-    if not sys.stderr.isatty():
-        yield lambda name, done, total: echo(f"[{done + 1}/{total}] {name}", err=True)
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    columns = (
-        SpinnerColumn(),
-        TextColumn("{task.description:<24}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("starting", total=None)
-
-        def show(name: str, done: int, total: int) -> None:
-            bar.update(task, description=name, completed=done, total=total)
-
-        yield show
+def print_stage(name: str, done: int, total: int) -> None:
+    """Print one line to stderr when a stage begins; the callback ``progress`` of a pipeline."""
+    echo(f"[{done + 1}/{total}] {name}", err=True)
 
 
 @contextmanager
-def reserve_folder(
-    folder: Path, photo: str, *, overwrite: bool, beside: Sequence[str] = (), made: Sequence[Path] = ()
-) -> Iterator[None]:
+def reserve_folder(folder: Path, photo: str, *, overwrite: bool, beside: Sequence[str] = ()) -> Iterator[None]:
     """Create a folder for a result, and check that it can be written; after an error, new empty folders are deleted.
 
     Args:
@@ -152,7 +110,6 @@ def reserve_folder(
         photo: digests of its photo, or of all photos; "" if the photo cannot be read, which the run reports.
         overwrite: whether the result of another photo may be replaced.
         beside: names of files that only this command adds to a result.
-        made: folders that were created for this command, the first one above the others.
 
     Raises:
         OutputError: the folder cannot be written, or user data would be lost.
@@ -161,7 +118,7 @@ def reserve_folder(
     from physic_core.io.result_folder import FILES, Replaced, check_overwrite
 
     parts = [*reversed(folder.absolute().parents), folder.absolute()]
-    new = [*made, *(part for part in parts if not os.path.exists(part))]  # Path.exists raises PermissionError
+    new = [part for part in parts if not os.path.exists(part)]  # Path.exists raises PermissionError
     try:
         if photo:
             check_overwrite(folder, Replaced(photo, overwrite), [*FILES, *beside])

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import itertools
-import os
-import signal
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 import click
 
-from physic_core.cli.arguments import AnyPath, configuration_options, one_photo
-from physic_core.cli.output import collect_plugin_messages, echo, print_messages, reserve_folder, show_progress
+from physic_core.cli.arguments import AnyPath, configuration_options
+from physic_core.cli.output import collect_plugin_messages, echo, print_messages, print_stage, reserve_folder
 
 
 class _Numbers(click.ParamType[Any]):
@@ -52,18 +46,14 @@ _SAVE = (
     "JSON and arrays of the people."
 )
 
-_OUT = (
-    "Folder for the results.  [default: photo-physic for photo.jpg; photo.jpg-physic, photo.jpg-physic-2, ... if taken]"
-)
-
 _REPORT = "Write report.html, a 3D page for a browser, or not. [default: if physic-viewer is installed]"
 
 _PERSON = "Reconstruct only the person at this pixel of the photo file; may be repeated."
 
 
 @click.command()
-@click.argument("photos", metavar="PHOTO", nargs=-1, required=True)
-@click.option("-o", "--out", type=AnyPath(), help=_OUT)
+@click.argument("photo", metavar="PHOTO", type=AnyPath())
+@click.option("-o", "--out", type=AnyPath(), help="Folder for the results.  [default: photo-physic for photo.jpg]")
 @click.option("--overwrite", is_flag=True, help="Replace another photo's result.")
 @click.option(
     "--save", type=click.Choice(("pictures", "numbers", "people")), default="pictures", show_default=True, help=_SAVE
@@ -117,12 +107,11 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
     "-v", "--verbose", is_flag=True, help="Also print each network, the time of each stage, and all messages."
 )
 @click.option("-q", "--quiet", is_flag=True, help="Print only warnings and errors.")
-@click.option("--json", "as_json", is_flag=True, help="Print the summary as one JSON object; all else goes to stderr.")
 @_setting("--no-cache", "run.cache", is_flag=True, help="Do not read or write the cache of backend outputs.")
 @click.pass_context
 def run(
     ctx: click.Context,
-    photos: tuple[str, ...],
+    photo: Path,
     out: Path | None,
     overwrite: bool,
     save: str,
@@ -133,31 +122,24 @@ def run(
     overrides: tuple[str, ...],
     verbose: bool,
     quiet: bool,
-    as_json: bool,
 ) -> None:
-    """Reconstruct people, scene and contact from PHOTO."""
+    """Reconstruct people, scene and contact from PHOTO, one image file; `physic batch` takes folders."""
     flags: dict[str, dict[str, Any]] = ctx.ensure_object(dict)
     if "--focal-px" in flags and "--intrinsics" in flags:
         raise click.UsageError("--focal-px and --intrinsics both set the camera: give only one")
-    if open_page and report is False:
-        raise click.UsageError("--open opens the page, which --no-report skips: give only one")
-    if verbose and quiet:
-        raise click.UsageError("--verbose prints more and --quiet less: give only one")
-    photo = one_photo(photos)
     from physic_core.configuration.resolve import load_plan
 
     # Fast checks come first: no network is loaded before config, files, device and output folder are checked.
     plan = load_plan(file, preset=preset, overrides=overrides, flags=flags)
-    report = _writes_report(report, required=open_page, quiet=quiet)
+    report = _writes_report(open_page or report, quiet=quiet)
     from physic_core.io.result_folder import file_digest
 
-    digest = file_digest(photo)
-    folder, made = (out, []) if out is not None else _default_folder(photo, digest, overwrite)
-    with sigterm_as_exception(), reserve_folder(folder, digest, overwrite=overwrite, made=made):
+    folder = out or Path(f"{photo.stem}-physic")
+    with reserve_folder(folder, file_digest(photo), overwrite=overwrite):
         from physic_core.pipeline.run import reconstruct
 
-        with collect_plugin_messages() as messages, show_progress(quiet) as progress:
-            result = reconstruct(photo, plan, progress=progress)
+        with collect_plugin_messages() as messages:
+            result = reconstruct(photo, plan, progress=None if quiet else print_stage)
         from physic_core.io.result_folder import PEOPLE_TABLE, people_csv
         from physic_core.io.results import save_reconstruction
 
@@ -172,10 +154,10 @@ def run(
             echo(f"warning: {text}", err=True)
     else:
         print_messages(messages, verbose)
-    if as_json or not quiet:
+    if not quiet:
         from physic_core.cli.result_summary import print_summary
 
-        print_summary(folder, verbose=verbose, as_json=as_json)
+        print_summary(folder, verbose=verbose)
     if not quiet and not result.intrinsics.known:
         sigma = result.intrinsics.focal_sigma
         spread = "" if sigma is None else f" (± {sigma:.0%})"
@@ -192,11 +174,11 @@ def run(
             echo(f"no browser was found: open {page} yourself", err=True)
 
 
-def _writes_report(wanted: bool | None, *, required: bool, quiet: bool) -> bool:
+def _writes_report(wanted: bool | None, *, quiet: bool) -> bool:
     """Return whether to write the page: by default, if a plugin makes it; otherwise print a line that names the plugin.
 
     Raises:
-        PackageMissingError: the page is wanted or required, and no plugin makes it.
+        PackageMissingError: the page is wanted, and no plugin makes it.
     """
     from physic_core.errors import ConfigError
     from physic_core.visual.report import require_report
@@ -206,62 +188,9 @@ def _writes_report(wanted: bool | None, *, required: bool, quiet: bool) -> bool:
     try:
         require_report()
     except ConfigError as error:
-        if wanted or required:
+        if wanted:
             raise
         if not quiet:
             echo(f"no page: {error}", err=True)
         return False
     return True
-
-
-class _Terminated(KeyboardInterrupt):
-    """The process received SIGTERM; like Ctrl-C, it passes through plugin calls."""
-
-
-@contextmanager
-def sigterm_as_exception() -> Iterator[None]:
-    """Convert SIGTERM to an exception, so that cleanup runs as for Ctrl-C, and then end the process."""
-    before = signal.getsignal(signal.SIGTERM)
-    if threading.current_thread() is not threading.main_thread() or before is not signal.SIG_DFL:
-        yield
-        return
-
-    def end(number: int, frame: FrameType | None) -> None:
-        raise _Terminated
-
-    signal.signal(signal.SIGTERM, end)
-    try:
-        yield
-    except _Terminated:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        os.kill(os.getpid(), signal.SIGTERM)  # so that the parent process sees the signal
-    finally:
-        signal.signal(signal.SIGTERM, before)
-
-
-def _default_folder(photo: Path, digest: str, overwrite: bool) -> tuple[Path, list[Path]]:
-    """Return the first folder named after the photo that is new or has a result of the photo, and created folders.
-
-    The folder is created at once, so that two simultaneous runs use different folders.
-    """
-    from physic_core.io.result_folder import photo_identity_of_result, same_photo
-
-    first = Path(f"{photo.stem}-physic")
-    if not digest:
-        return first, []
-    names = (f"{photo.name}-physic{'' if n == 1 else f'-{n}'}" for n in itertools.count(1))
-    for folder in itertools.chain([first], map(Path, names)):
-        made = False
-        try:
-            folder.mkdir()
-            made = True
-        except FileExistsError:
-            existing = photo_identity_of_result(folder)
-            if existing is None or not (overwrite or same_photo(existing, digest)):
-                continue
-        except OSError:
-            pass  # the check of the folder reports the error
-        if folder != first:
-            echo(f"{first}{os.sep} is taken: results go to {folder}{os.sep}", err=True)
-        return folder, [folder] if made else []
-    raise AssertionError

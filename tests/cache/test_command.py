@@ -18,7 +18,7 @@ try:
     main(["cache", "info"])
 except SystemExit as end:
     assert end.code == 0
-print(sorted({m.partition(".")[0] for m in sys.modules} & {"numpy", "torch", "scipy", "cv2", "pydantic", "rich"}))
+print(sorted({m.partition(".")[0] for m in sys.modules} & {"numpy", "torch", "scipy", "cv2", "pydantic"}))
 """
 
 
@@ -44,28 +44,16 @@ def physic(*arguments: str) -> Result:
     return CliRunner().invoke(main, ["cache", *arguments])
 
 
-def rows(*lines: str) -> list[list[str]]:
-    return [line.split() for line in lines]
-
-
-TABLE = rows(
-    "inpainter navier-stokes 1 files, 0.0 MB",
-    "metric_depth embedded 2 files, 1.3 MB",
-    "segmenter my_plugin_MyMasks 1 files, 0.1 MB",
-)
-
-
 def test_info_prints_each_folder_and_its_content(folder: Path):
     fill(folder)
-    first, *others = rows(*physic("info").output.splitlines())
-    assert first == [f"{folder}:", "4", "files,", "1.4", "MB"]
-    assert others[:3] == TABLE
-    assert [one[0] for one in others[3:]] == [f"{folder.parent / name}:" for name in ("maps", "graphs", "hashes")]
+    first, *others = physic("info").output.splitlines()
+    assert first == f"{folder}: 4 files, 1.4 MB"
+    assert [one.split()[0] for one in others] == [f"{folder.parent / name}:" for name in ("maps", "graphs", "hashes")]
 
 
-def test_clear_removes_all_entries_and_lists_them(folder: Path):
+def test_clear_removes_all_entries_and_says_how_many(folder: Path):
     fill(folder)
-    assert rows(*physic("clear").output.splitlines())[:3] == TABLE
+    assert physic("clear").output.startswith(f"removed 4 files, 1.4 MB from {folder}\n")
     assert [path.name for path in folder.iterdir()] == ["mine.npz"]
     assert f"removed 0 files, 0.0 MB from {folder}\n" in physic("clear").output
 

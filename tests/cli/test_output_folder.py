@@ -53,17 +53,12 @@ def folder_of(done: Result) -> str:
     return line.removeprefix("results: ").partition("/")[0]
 
 
-def test_photos_of_one_name_get_folders_of_their_own_and_find_them_again():
-    names = ["x/a.jpg", "a.png", "y/a.jpg", "z/a.jpg"]
-    folders = ["a-physic", "a.png-physic", "a.jpg-physic", "a.jpg-physic-2"]
+def test_the_folder_has_the_name_of_the_photo_and_is_taken_from_another_one_with_overwrite():
     for _ in range(2):
-        assert [folder_of(run(photo(name))) for name in names] == folders
-    assert [photo_identity_of_result(folder) for folder in folders] == [file_digest(name) for name in names]
-
-
-def test_overwrite_takes_the_first_folder_with_a_result():
-    run(photo("x/a.jpg"))
-    assert folder_of(run(photo("y/a.jpg"), "--overwrite")) == "a-physic"
+        assert folder_of(run(photo("x/a.jpg"))) == "a-physic"
+    done = run(photo("y/a.jpg"))
+    assert (done.exit_code, "it holds the result of another photo" in done.stderr) == (2, True)
+    assert folder_of(run("y/a.jpg", "--overwrite")) == "a-physic"
     assert photo_identity_of_result("a-physic") == file_digest("y/a.jpg")
 
 

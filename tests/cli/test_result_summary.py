@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from physic_core import Reconstruction, save_reconstruction
-from physic_core.cli.result_summary import summary_record, summary_text
+from physic_core.cli.result_summary import summary_text
 from physic_core.io.results import ResultRecord, read_record
 from physic_core.types import BodyContact, CheckResult, CheckState, ContactPartner, Grade, Support, UnposedPerson
 
@@ -73,12 +73,3 @@ def test_a_person_is_a_row(record: ResultRecord):
         "2       bad       -             -                                    not measured: Supported",
         "no body: only a hand is seen, box 1, 2, 30, 40, score 0.50",
     ]
-
-
-def test_the_summary_for_programs_has_names_and_numbers(record: ResultRecord):
-    summary = summary_record(record, Path("out"))
-    assert [one["distance_m"] for one in summary["people"]] == [pytest.approx(3.0), pytest.approx(12.5), None]
-    assert [one["distance_sigma_m"] for one in summary["people"]] == [pytest.approx(0.21), pytest.approx(0.875), None]
-    assert summary["people"][1]["failed_checks"] == ["limb_keypoints", "lean"]
-    assert summary["people"][0]["contacts"][0]["part"] == "left_foot"
-    assert [check["name"] for check in summary["checks"]] == ["limb_keypoints", "lean", "support"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import subprocess
 import sys
@@ -86,15 +85,6 @@ def names_of_tests() -> str:
 )
 def test_the_tests_of_a_statement_are_there(tests: str):
     assert all(test in names_of_tests() for test in tests.split())
-
-
-@pytest.mark.skipif(os.name != "posix", reason="elsewhere a current folder cannot be deleted")
-def test_a_deleted_current_folder_is_one_message(tmp_path: Path):
-    """In a process of its own, whose current folder it deletes."""
-    code = "import os; os.rmdir(os.getcwd()); from physic_core.cli import main; main(['config', 'check'])"
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert done.stderr.endswith("Error: the current folder does not exist or cannot be read: change to another one\n")
 
 
 def test_a_warning_cannot_control_a_terminal():
