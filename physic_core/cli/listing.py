@@ -37,26 +37,6 @@ def plugins_table(interface: str | None = None) -> str:
     return "\n".join(filter(None, lines))
 
 
-def plugins_as_dicts(interface: str | None = None) -> dict[str, Any]:
-    """Return the installed backends and broken plugins as dictionaries for JSON; no backend is imported."""
-    return {
-        "backends": [
-            {
-                "interface": one.interface,
-                "backend": one.name,
-                "distribution": one.distribution,
-                "version": one.version,
-                "target": one.target,
-            }
-            for one in list_backends(interface)
-        ],
-        "broken": [
-            {"distribution": one.distribution, "version": one.version, "cause": one.cause} for one in broken_plugins()
-        ],
-        "restriction": os.environ.get(PLUGINS_VARIABLE),
-    }
-
-
 def describe_backend(offer: Offer) -> str:
     """Format the summary, weights, status and options of one backend, whose class is imported."""
     lines = [f"{offer.interface} '{offer.name}'"]

@@ -8,17 +8,15 @@ import textwrap
 from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import click
 
-from physic_core.cli.output import echo, echo_json, format_table
-from physic_core.files.plain import split
-from physic_core.io.result_folder import DOCUMENT_FILE, REPORT_FILE
+from physic_core.cli.output import echo, format_table
+from physic_core.io.result_folder import REPORT_FILE
 from physic_core.io.results import PersonRecord, ResultRecord, read_record
 from physic_core.types import CheckResult, summarize_checks
 from physic_core.types.contacts import part_words
-from physic_core.types.results import distance_m, metres_text, spread_m
+from physic_core.types.person_rows import distance_m, metres_text
 
 _HEAD = ("person", "grade", "distance", "likely contact", "why")
 _MIN_WIDTH = 30  # characters of the last column, on a narrow terminal
@@ -27,67 +25,25 @@ _MIN_WIDTH = 30  # characters of the last column, on a narrow terminal
 @click.command("show")
 @click.argument("out", type=click.Path(path_type=Path))
 @click.option("-v", "--verbose", is_flag=True, help="Also print the time of each stage, and each check that is not ok.")
-@click.option("--json", "as_json", is_flag=True, help="Print one object as JSON.")
-def show_result(out: Path, verbose: bool, as_json: bool) -> None:
+def show_result(out: Path, verbose: bool) -> None:
     """Print the people, grade and warnings of the result in folder OUT, as `physic run` does at its end."""
-    print_summary(out, verbose=verbose, as_json=as_json)
+    print_summary(out, verbose=verbose)
 
 
-def print_summary(folder: Path, *, verbose: bool = False, as_json: bool = False, seconds: float | None = None) -> None:
+def print_summary(folder: Path, *, verbose: bool = False, seconds: float | None = None) -> None:
     """Print the summary of a result.
 
     Args:
         folder: of the result.
         verbose: as of :func:`summary_text`.
-        as_json: whether to print one object as JSON.
         seconds: as of :func:`summary_text`.
 
     Raises:
         InputError: its ``reconstruction.json`` is missing, damaged, edited, or of another schema version.
     """
     record = read_record(folder)
-    if as_json:
-        echo_json(summary_record(record, folder))
-        return
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
     echo(summary_text(record, folder, width=width, verbose=verbose, seconds=seconds))
-
-
-def summary_record(record: ResultRecord, folder: Path) -> dict[str, Any]:
-    """Return the summary of a result as one JSON object; lengths in metres.
-
-    Args:
-        record: of the result.
-        folder: of the result.
-    """
-    people = [
-        {
-            "person": person.index,
-            "grade": person.grade,
-            "distance_m": distance_m(person.pelvis),
-            "distance_sigma_m": spread_m(distance_m(person.pelvis), person.distance_sigma),
-            "stature_m": person.stature,
-            "stature_sigma_m": spread_m(person.stature, person.stature_sigma),
-            "contact_vertices": person.contact_count,
-            "vertices": person.vertex_count,
-            "contacts": person.contacts,
-            "support": person.support,
-            "failed_checks": person.failed_checks,
-            "unknown_checks": person.unknown_checks,
-        }
-        for person in record.people
-    ]
-    return {
-        "folder": str(folder),
-        "files": [DOCUMENT_FILE, *record.files],
-        "people": split(people, {}),
-        **{
-            name: split(getattr(record, name), {})
-            for name in ("grade", "unposed", "intrinsics", "checks", "notes", "warnings")
-        },
-        "seconds": sum(stage.seconds for stage in record.stages),
-        "load_seconds": sum(stage.load_seconds for stage in record.stages),
-    }
 
 
 def summary_text(

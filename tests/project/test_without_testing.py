@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import sys
@@ -22,14 +21,14 @@ def run(*arguments: str, plugins: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_its_commands_are_not_there_and_the_others_are():
-    assert run("plugins", "--json", plugins="physic-embedded").returncode == 0
+    assert run("plugins", plugins="physic-embedded").returncode == 0
     done = run("plugins", "check", plugins="physic-embedded")
     assert done.returncode == 2
     assert "physic-testing, which is not installed" in done.stderr
 
 
 def test_without_a_restriction_it_is_a_broken_plugin_and_nothing_more():
-    done = run("plugins", "--json", plugins="physic-embedded,physic-testing")
+    done = run("plugins", plugins="physic-embedded,physic-testing")
     assert done.returncode == 0, done.stderr
-    (broken,) = json.loads(done.stdout)["broken"]
-    assert broken["distribution"] == "physic-testing"
+    (broken,) = (line for line in done.stdout.splitlines() if line.startswith("BROKEN"))
+    assert "physic-testing" in broken
