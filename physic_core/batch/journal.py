@@ -7,22 +7,19 @@ ignored. The tables are the last line of each photo, and of each person in them.
 
 from __future__ import annotations
 
-import importlib
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from importlib.util import find_spec
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from filelock import FileLock, Timeout
 
-from physic_core.errors import OutputError, PackageMissingError
-from physic_core.files.atomic import MARK, atomic_write, check_own, foreign_file, open_to_append
-from physic_core.files.text import as_utf8, from_json, parse_json, to_json, write_csv
+from physic_core.errors import OutputError
+from physic_core.files.atomic import atomic_write, check_own, foreign_file, open_to_append
+from physic_core.files.text import from_json, parse_json, to_json, write_csv
 from physic_core.io.result_folder import PEOPLE_MARK, PEOPLE_TABLE
 from physic_core.types.results import PERSON_COLUMNS
 
@@ -58,10 +55,8 @@ PEOPLE_COLUMN = "people_rows"
 """Entry of a finished photo with a row for each person, from which ``people.csv`` is written; no table has it."""
 
 _ALWAYS = ("id", "state", "config", "finished")
-_INTEGERS = ("attempts", "run", "bytes", "modified")
-_NUMBERS = ("seconds", "peak_mb")
-_ROWS = 10_000  # of one group of a Parquet file
-_MARKS = {"csv": ",".join(COLUMNS), "parquet": MARK}  # CSV has no comments: its first line is the mark
+_TABLE = "summary.csv"
+_MARK = ",".join(COLUMNS)  # CSV has no comments: its first line is the mark
 
 
 def check_journal(path: Path) -> None:
@@ -139,13 +134,11 @@ class JournalRows:
 
     Attributes:
         last: the last row of each id.
-        damaged: number of damaged or truncated lines.
         run: largest number of a run; 0 without rows.
     """
 
     last: Mapping[str, dict[str, Any]]
-    damaged: int
-    run: int = 0
+    run: int
 
 
 def read_journals(folder: Path, columns: Iterable[str] | None = None) -> JournalRows:
@@ -155,32 +148,31 @@ def read_journals(folder: Path, columns: Iterable[str] | None = None) -> Journal
     """
     found: dict[str, dict[str, Any]] = {}
     runs: dict[str, int] = {}
-    damaged = 0
     wanted = None if columns is None else {*columns, "id"}
     for _, row in _lines(folder):
-        if row is None:
-            damaged += 1
-        elif row["run"] >= runs.get(row["id"], 0):
+        if row["run"] >= runs.get(row["id"], 0):
             runs[row["id"]] = row["run"]
             found[row["id"]] = row if wanted is None else {name: row[name] for name in wanted & row.keys()}
-    return JournalRows(found, damaged, max(runs.values(), default=0))
+    return JournalRows(found, max(runs.values(), default=0))
 
 
 def last_rows(folder: Path) -> Iterator[dict[str, Any]]:
     """Yield the last row of each id, without holding all rows in memory."""
     last: dict[str, tuple[int, tuple[str, int]]] = {}
     for place, row in _lines(folder):
-        if row is not None and row["run"] >= last.get(row["id"], (0,))[0]:
+        if row["run"] >= last.get(row["id"], (0,))[0]:
             last[row["id"]] = row["run"], place
     places = {place for _, place in last.values()}
-    yield from (row for place, row in _lines(folder) if row is not None and place in places)
+    yield from (row for place, row in _lines(folder) if place in places)
 
 
-def _lines(folder: Path) -> Iterator[tuple[tuple[str, int], dict[str, Any] | None]]:
-    """Yield file and number of each line, and its row; None for a damaged or truncated line."""
+def _lines(folder: Path) -> Iterator[tuple[tuple[str, int], dict[str, Any]]]:
+    """Yield file and number of each line, and its row; a damaged or truncated line is skipped."""
     for path in sorted(filter(Path.is_file, folder.glob("journal*.jsonl"))):
         with path.open("rb") as file:
-            yield from (((path.name, number), _row(line)) for number, line in enumerate(file))
+            for number, line in enumerate(file):
+                if (row := _row(line)) is not None:
+                    yield (path.name, number), row
 
 
 def _is_journal(path: Path) -> bool:
@@ -200,80 +192,26 @@ def _row(line: bytes) -> dict[str, Any] | None:
     return found if all(isinstance(found.get(name), str) for name in _ALWAYS) else None
 
 
-def import_pyarrow(purpose: str) -> Any:
-    """Import ``pyarrow.parquet``.
-
-    Raises:
-        PackageMissingError: it is not installed; ``purpose`` begins the message.
-    """
-    try:
-        return importlib.import_module("pyarrow.parquet")
-    except ImportError as error:
-        raise PackageMissingError(
-            f"{purpose} needs pyarrow: pip install pyarrow, or use a CSV file (--table csv)"
-        ) from error
-
-
-def choose_table(out: Path, kind: str | None) -> str:
-    """Return the kind of the table of photos, after a check that both tables of a batch can be written.
-
-    Args:
-        out: folder of the batch.
-        kind: "csv" or "parquet"; None for "parquet" where pyarrow is installed.
-
-    Raises:
-        PackageMissingError: pyarrow is not installed.
-        OutputError: a file of the user has the name of a table.
-    """
-    kind = kind or ("csv" if find_spec("pyarrow") is None else "parquet")
-    if kind == "parquet":
-        import_pyarrow("summary.parquet")
-    check_own(out / f"summary.{kind}", mark=_MARKS[kind])
+def check_tables(out: Path) -> None:
+    """Raise OutputError if a table of a batch would replace a file that PhySIC has not written."""
+    check_own(out / _TABLE, mark=_MARK)
     check_own(out / PEOPLE_TABLE, mark=PEOPLE_MARK)
-    return kind
 
 
-def all_columns() -> tuple[str, ...]:
-    """Return the columns that tables can have: those of the journal, then the numbers of all results."""
-    from physic_core.pipeline.checks import CHECKS
-    from physic_core.types.results import SUMMARY_KEYS
+def write_table(out: Path) -> Path:
+    """Write ``summary.csv``, one row for each photo, and return its path.
 
-    return (*COLUMNS, *(n for n in SUMMARY_KEYS if n not in COLUMNS), *(f"check_{name}" for name in CHECKS))
-
-
-def arrow_schema(columns: Iterable[str]) -> Any:
-    """Return the ``pyarrow.Schema`` of columns; columns that the journal does not have are numbers."""
-    import pyarrow as pa
-
-    def kind(name: str) -> Any:
-        if name in _INTEGERS:
-            return pa.int64()
-        return pa.string() if name in COLUMNS and name not in _NUMBERS else pa.float64()
-
-    return pa.schema([(name, kind(name)) for name in columns])
-
-
-def write_table(out: Path, kind: str) -> Path:
-    """Write ``summary.parquet`` or ``summary.csv``, one row for each photo, and return its path.
-
-    Columns are those of the journal, then the numbers of the results, which are empty for failed photos. Texts of a CSV
-    file are those of :func:`physic_core.files.text.write_csv`.
+    Columns are those of the journal, then the numbers of the results, which are empty for failed photos. Texts are
+    those of :func:`physic_core.files.text.write_csv`.
 
     Raises:
-        ConfigError: pyarrow is not installed.
-        OutputError: the file cannot be written, or the existing one is not of a batch.
+        OutputError: the file cannot be written, or no batch has written the one there.
     """
-    check_own(out / f"summary.{kind}", mark=_MARKS[kind])
+    check_own(out / _TABLE, mark=_MARK)
     numbers = sorted({name for row in last_rows(out) for name in row} - COLUMNS.keys() - {PEOPLE_COLUMN})
-    name = f"summary.{kind}"
-    with atomic_write(out) as temporary:
-        path = temporary(name)
-        if kind == "parquet":
-            _write_parquet(path, last_rows(out), numbers)
-        else:
-            with path.open("w", newline="", encoding="utf-8") as file:
-                write_csv(file, [*COLUMNS, *numbers], last_rows(out))
-    return out / name
+    with atomic_write(out) as temporary, temporary(_TABLE).open("w", newline="", encoding="utf-8") as file:
+        write_csv(file, [*COLUMNS, *numbers], last_rows(out))
+    return out / _TABLE
 
 
 def write_people_table(out: Path) -> Path:
@@ -287,16 +225,3 @@ def write_people_table(out: Path) -> Path:
     with atomic_write(out) as temporary, temporary(PEOPLE_TABLE).open("w", newline="", encoding="utf-8") as file:
         write_csv(file, list(PERSON_COLUMNS), people)
     return out / PEOPLE_TABLE
-
-
-def _write_parquet(path: Path, rows: Iterator[dict[str, Any]], numbers: list[str]) -> None:
-    parquet = import_pyarrow("summary.parquet")
-    import pyarrow as pa
-
-    schema = arrow_schema((*COLUMNS, *numbers)).with_metadata({"note": MARK})
-    with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
-        while group := list(islice(rows, _ROWS)):
-            columns = {name: [as_utf8(row.get(name)) for row in group] for name in schema.names}
-            for name in (*numbers, *_NUMBERS):
-                columns[name] = [None if value is None else float(value) for value in columns[name]]
-            writer.write_table(pa.table(columns, schema=schema))

@@ -1,30 +1,25 @@
-"""The photos of a batch, from files, folders, patterns and tables."""
+"""The photos of a batch, from files, folders and tables."""
 
 from __future__ import annotations
 
 import csv
-import glob
 import hashlib
 import math
 import os
 import re
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from physic_core.batch.journal import import_pyarrow
 from physic_core.errors import ConfigError, InputError
 from physic_core.files.image_file import IMAGE_SUFFIXES
 from physic_core.files.text import printable, quoted, shorten
 from physic_core.io.result_folder import DOCUMENT_FILE
 
 _PHOTO_SUFFIXES = frozenset(suffix for suffixes in IMAGE_SUFFIXES.values() for suffix in suffixes)
-_TABLE_SUFFIXES = (".csv", ".parquet")
 _JOURNAL = re.compile(r"journal(-[0-9]+-of-[0-9]+)?\.jsonl")
-_OF_RESULTS, _LINK = "in folders of results", "link to a folder"
 _COLUMNS = ("path", "camera", "stature", "age", "depth", "pointmap", "id")
 _MAX_NAME = 100  # characters of a folder's name; file systems allow 255 bytes
 
@@ -71,48 +66,38 @@ class PhotoList:
 
     Attributes:
         photos: in the order of the inputs.
-        skipped: number of skipped files by reason, such as {".txt": 3, "hidden": 1}.
+        skipped: number of files of folders that are no photos.
     """
 
     photos: list[PhotoItem]
-    skipped: Mapping[str, int]
-
-    def describe_skipped(self) -> str:
-        """Return such as "skipped 4 files: 3 .txt, 1 hidden"; "" if there are none."""
-        count = sum(self.skipped.values())
-        reasons = sorted(self.skipped.items(), key=lambda reason: (-reason[1], reason[0]))
-        text = ", ".join(f"{number:,} {printable(reason)}" for reason, number in reasons)
-        return f"skipped {count:,} file{'s' * (count != 1)}: {text}" if count else ""
+    skipped: int
 
 
 def list_photos(inputs: Iterable[str], out: str | os.PathLike[str] | None = None) -> PhotoList:
-    """List the photos of files, folders (recursively), glob patterns, and CSV or Parquet tables, without duplicates.
+    """List the photos of files, folders (recursively) and CSV tables, without duplicates.
 
     A table has a column "path", relative to the table's folder, and may have "camera" (focal length in px, or
-    "fx,fy,cx,cy"), "stature" (m), "age" (years), "depth" and "pointmap" (files), and "id". Photos of folders and
-    patterns are sorted by path. Files of folders and patterns that are in the folder of a result are skipped, and
-    folders of earlier batches, and all files below ``out``. So are files of folders that are hidden, or have a suffix
-    that no photo has, and links to folders.
+    "fx,fy,cx,cy"), "stature" (m), "age" (years), "depth" and "pointmap" (files), and "id". Photos of folders are sorted
+    by path. Of these, files below ``out``, and in folders of results and of earlier batches, are skipped, and so are
+    files that are hidden or have a suffix that no photo has.
 
     Raises:
         InputError: an input does not exist, a folder cannot be read, a table is invalid, two photos have one id, or
             there are no photos.
     """
-    inputs, skipped = list(inputs), Counter[str]()
+    skipped = 0
     found: dict[str, PhotoItem] = {}
-    for item in (item for text in inputs for item in _items_of(text, skipped)):
-        if out is not None and Path(item.path).is_relative_to(os.path.abspath(out)):
-            skipped["in the output folder"] += 1
+    for item in (item for text in inputs for item in _items_of(text)):
+        if item is None or (out is not None and Path(item.path).is_relative_to(os.path.abspath(out))):
+            skipped += 1
             continue
         same = found.setdefault(item.id, item)
         if same != item:
             where = _show(same.path) if same.path == item.path else f"{_show(same.path)} and {_show(item.path)}"
             raise InputError(f"two photos have the id {quoted(item.id)}, {where}: give each an id of its own")
-    listed = PhotoList(list(found.values()), skipped)
     if not found:
-        reason = f": {listed.describe_skipped()}" if skipped else ""
-        raise InputError(f"no photos in {_show(', '.join(inputs))}{reason}")
-    return listed
+        raise InputError(f"no photos in {_show(', '.join(inputs))}; {skipped} files were skipped")
+    return PhotoList(list(found.values()), skipped)
 
 
 def photo_folder(item_id: str) -> str:
@@ -154,66 +139,37 @@ class Shard:
         return int(hashlib.sha256(os.fsencode(item_id)).hexdigest()[-12:], 16) % self.count == self.number - 1
 
 
-def _items_of(source: str, skipped: Counter[str]) -> Iterator[PhotoItem]:
-    """Yield the photos of one source of a batch: a folder, a table, a photo, or a pattern of file names.
-
-    Args:
-        source: as the user gave it.
-        skipped: reason -> number of files that are not photos; counted here.
+def _items_of(source: str) -> Iterator[PhotoItem | None]:
+    """Yield the photos of a folder, of a table, or a photo, and None for each file of a folder that is no photo.
 
     Raises:
-        InputError: the source is a table that is not a regular file, or nothing matches it.
+        InputError: there is no such file, or it is a table that is not a regular file.
     """
-    path = Path(source)
     # Unlike methods of Path, functions of os.path return False for a name that no file can have.
     if os.path.isdir(source):
-        yield from map(PhotoItem.at, sorted(_photos_below(source, skipped)))
-    elif path.suffix.lower() in _TABLE_SUFFIXES and os.path.exists(source):
+        paths = sorted(_files_below(source))
+        yield from (PhotoItem.at(path) if is_photo else None for path, is_photo in paths)
+    elif not os.path.exists(source):
+        raise InputError(f"no photos at {_show(source)}: name files, folders, or a CSV table")
+    elif source.lower().endswith(".csv"):
         if not os.path.isfile(source):  # reading a pipe would block
-            raise InputError(f"cannot read {_show(source)}: it is not a regular file; name a CSV or Parquet table")
-        yield from _table_items(path)
-    elif os.path.exists(source):
-        yield PhotoItem.at(path)
+            raise InputError(f"cannot read {_show(source)}: it is not a regular file; name a CSV table")
+        yield from _table_items(Path(source))
     else:
-        yield from map(PhotoItem.at, _photos_matching(source, skipped))
+        yield PhotoItem.at(source)
 
 
-def _photos_below(top: str, skipped: Counter[str]) -> Iterator[Path]:
-    """Yield the photos of a folder and its sub-folders, and count the other files by reason."""
+def _files_below(top: str) -> Iterator[tuple[str, bool]]:
+    """Yield the files of a folder and its sub-folders, and whether each is a photo."""
     of_batch: set[str] = set()
     for folder, folders, names in os.walk(top, onerror=_raise):
-        if folder in of_batch or any(map(_JOURNAL.fullmatch, names)):
+        in_batch = folder in of_batch or any(map(_JOURNAL.fullmatch, names))
+        if in_batch:
             of_batch.update(os.path.join(folder, name) for name in folders)
-            skipped[_OF_RESULTS] += len(names)
-            continue
-        links = [_LINK for name in folders if os.path.islink(os.path.join(folder, name))]
-        skipped.update(links)
+        is_result = in_batch or DOCUMENT_FILE in names
         for name in names:
-            reason = _OF_RESULTS if DOCUMENT_FILE in names else _reason(name)
-            if reason:
-                skipped[reason] += 1
-            else:
-                yield Path(folder, name)
-
-
-def _photos_matching(pattern: str, skipped: Counter[str]) -> Iterator[Path]:
-    """Yield the files of a pattern in the order of their paths, without files of results."""
-    matches = sorted(glob.glob(pattern, recursive=True))
-    folder = os.path.dirname(pattern)
-    while folder:  # glob skips what it cannot read
-        for found in filter(os.path.isdir, glob.glob(folder, recursive=True)):
-            try:
-                os.scandir(found).close()
-            except OSError as error:
-                _raise(error)
-        folder = os.path.dirname(folder) if glob.has_magic(folder) else ""
-    if not matches:
-        raise InputError(f"no photos at {_show(pattern)}: name files, folders, patterns, or a CSV or Parquet table")
-    for path in map(Path, matches):
-        if os.path.lexists(path.parent / DOCUMENT_FILE):
-            skipped[_OF_RESULTS] += 1
-        elif not path.is_dir():
-            yield path
+            suffix = os.path.splitext(name)[1].lower()
+            yield os.path.join(folder, name), not is_result and not name.startswith(".") and suffix in _PHOTO_SUFFIXES
 
 
 def _raise(error: OSError) -> None:
@@ -221,14 +177,6 @@ def _raise(error: OSError) -> None:
         f"cannot read the folder {_show(str(error.filename))}: {error.strerror}; "
         "allow it, or name the other folders or files"
     ) from error
-
-
-def _reason(name: str) -> str:
-    """Return why a file of a folder is not a photo; "" for a photo."""
-    suffix = os.path.splitext(name)[1].lower()
-    if name.startswith("."):
-        return "hidden"
-    return "" if suffix in _PHOTO_SUFFIXES else suffix or "without a suffix"
 
 
 def _table_items(table: Path) -> Iterator[PhotoItem]:
@@ -261,15 +209,6 @@ def photo_of_row(row: Mapping[str, Any], folder: str | os.PathLike[str] = "") ->
 
 
 def _rows(table: Path) -> Iterator[dict[str, Any]]:
-    if table.suffix.lower() == ".parquet":
-        parquet = import_pyarrow(f"reading {table}")
-        try:
-            with parquet.ParquetFile(table) as file:
-                for batch in file.iter_batches():
-                    yield from batch.to_pylist()
-        except (OSError, ValueError) as error:  # pyarrow's errors are subclasses
-            raise InputError(f"cannot read {table}: {error}") from error
-        return
     try:
         with table.open(newline="", encoding="utf-8-sig") as stream:
             for number, row in enumerate(csv.DictReader(stream), start=1):

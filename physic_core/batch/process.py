@@ -1,7 +1,7 @@
 """Reconstruct one photo of a batch and return its row of the journal; every executor calls this.
 
 An executor opens one :class:`PhotoProcessor` per process or actor, and passes it one photo after the other. Its rows
-are ready for JSON; without ``people_rows``, they are flat and ready for Parquet.
+are ready for JSON; without ``people_rows``, they are flat.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ Executor = Callable[[Iterable[PhotoItem], BatchJob], Generator[dict[str, Any], N
 It raises PhysicError if the backends cannot be loaded, and OutputError if results cannot be written.
 """
 
-_NEEDED = ("state", "config", "save", "files", "result", "photo", "bytes", "modified", "version")
+_NEEDED = ("state", "config", "save", "files", "result", "photo", "bytes", "modified")
 
 
 @dataclass(frozen=True)
@@ -37,19 +37,14 @@ class BatchPlan:
         todo: photos without a valid row in the journal.
         done: number of photos that are done.
         failed: number of photos that failed in an earlier run and are not tried again.
-        changed: number of the photos in ``todo`` that were tried before with other content or settings.
-        lost: number of the photos in ``todo`` that were done before, but with files missing, truncated or replaced.
-        versions: versions of physic-core of the rows that are kept.
-        damaged: number of damaged or truncated lines of the journals.
+        again: number of the photos in ``todo`` that were tried before with other content or settings, or that were done
+            before, but with files missing, truncated or replaced.
     """
 
     todo: tuple[PhotoItem, ...]
     done: int
     failed: int
-    changed: int
-    versions: tuple[str, ...]
-    damaged: int = 0
-    lost: int = 0
+    again: int
 
 
 def plan_batch(items: Iterable[PhotoItem], job: BatchJob, *, retry_failed: bool = False) -> BatchPlan:
@@ -64,36 +59,24 @@ def plan_batch(items: Iterable[PhotoItem], job: BatchJob, *, retry_failed: bool 
         job: of the batch.
         retry_failed: whether photos that failed are done again.
     """
-    journals = read_journals(Path(job.out), _NEEDED)
-    rows = journals.last
+    rows = read_journals(Path(job.out), _NEEDED).last
     todo: list[PhotoItem] = []
     count: Counter[str] = Counter()
-    versions: set[str] = set()
     for item in items:
         row = rows.get(item.id)
         if row is None:
             todo.append(item)
         elif not _is_current(row, item, job):
             todo.append(item)
-            count["changed"] += 1
+            count["again"] += 1
         elif not _has_its_files(row, item, job):
             todo.append(replace(item, replaces=tuple(_sizes(row))))
-            count["lost"] += 1
+            count["again"] += 1
         elif row["state"] == "failed" and retry_failed:
             todo.append(item)
         else:
             count[row["state"]] += 1
-            versions.add(str(row.get("version", "")))
-    kept = tuple(sorted(versions))
-    return BatchPlan(
-        tuple(item.stamped() for item in todo),
-        count["done"],
-        count["failed"],
-        count["changed"],
-        kept,
-        journals.damaged,
-        count["lost"],
-    )
+    return BatchPlan(tuple(item.stamped() for item in todo), count["done"], count["failed"], count["again"])
 
 
 def run_batch(

@@ -28,9 +28,6 @@ _LEVELS = ("pictures", "numbers", "people", "none")
 @click.option("--save", type=click.Choice(_LEVELS), default="numbers", show_default=True, help=_SAVE)
 @click.option("--no-thumbnails", is_flag=True, help="Write no thumbnails and no contact sheet.")
 @click.option(
-    "--table", type=click.Choice(("parquet", "csv")), help="Summary format. [default: parquet with pyarrow, else csv]"
-)
-@click.option(
     "--timeout",
     type=click.FloatRange(0, 10_000_000),
     default=600,
@@ -57,16 +54,16 @@ def batch(
     shard: str | None,
     **options: Any,
 ) -> None:
-    """Reconstruct PHOTOS: files, folders, glob patterns, or a CSV or Parquet table.
+    """Reconstruct PHOTOS: files, folders, or a CSV table.
 
     Run the same command again to resume. A photo that fails becomes a row of the journal with the reason.
     """
     from physic_core.batch.contact_sheet import check_contact_sheet, write_contact_sheet
-    from physic_core.batch.journal import choose_table, write_people_table, write_table
+    from physic_core.batch.journal import check_tables, write_people_table, write_table
     from physic_core.batch.photos import Shard, list_photos
     from physic_core.batch.run import plan_batch, run_batch
 
-    table = choose_table(out, options["table"])
+    check_tables(out)
     if not options["no_thumbnails"]:
         check_contact_sheet(out)
     name, logs = "journal.jsonl", out.absolute() / "logs"
@@ -83,13 +80,15 @@ def batch(
     plan = plan_batch(items, job, retry_failed=options["retry"] is not None)
     todo = plan.todo[:limit]
     now = f"; {len(todo):,} of them now (--limit)" if len(todo) < len(plan.todo) else ""
-    echo("\n".join(filter(None, (listed.describe_skipped(), _describe(plan, len(items)) + now))), err=True)
+    if listed.skipped:
+        echo(f"skipped {listed.skipped:,} files that are no photos, hidden, or of results", err=True)
+    echo(_describe(plan, len(items)) + now, err=True)
     if dry_run:
         for item in todo:
             echo(item.path)
         return
     run_batch(todo, job, run, Path(job.out) / name, _row_printer(len(todo)))
-    written = [write_table(Path(job.out), table), write_people_table(Path(job.out))]
+    written = [write_table(Path(job.out)), write_people_table(Path(job.out))]
     if job.thumbnails:
         written.append(write_contact_sheet(Path(job.out)))
     echo(_summary(Path(job.out), items))
@@ -134,20 +133,11 @@ def _executor(logs: Path, options: Mapping[str, Any]) -> Executor:
 
 
 def _describe(plan: BatchPlan, photos: int) -> str:
-    from physic_core.discovery.entry_points import core_version
-
     parts = [f"{photos:,} photos: {len(plan.todo):,} to do, {plan.done:,} done before"]
     if plan.failed:
         parts.append(f"{plan.failed:,} failed before (--retry failed retries them)")
-    if plan.changed:
-        parts.append(f"{plan.changed:,} of those to do were done with different content or settings")
-    if plan.lost:
-        parts.append(f"{plan.lost:,} of those to do were done, but result files are missing or damaged")
-    if plan.damaged:
-        parts.append(f"{plan.damaged:,} journal lines are damaged or truncated, and are ignored")
-    others = [version for version in plan.versions if version not in ("", core_version())]
-    if others:
-        parts.append(f"some were done by physic-core {', '.join(others)}, this is {core_version()}")
+    if plan.again:
+        parts.append(f"{plan.again:,} of those to do were done, but content, settings or files of the result differ")
     return "; ".join(parts)
 
 

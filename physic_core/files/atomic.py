@@ -26,8 +26,8 @@ from physic_core.errors import OutputError
 MARK = "Written by PhySIC. The same command replaces this file."
 """Text in a file by which PhySIC knows later that it may replace the file."""
 
-_END_BYTES = 1 << 16  # a page has the mark at its start, and a Parquet table at its end
-# A form of name that no other program uses.
+_START_BYTES = 1 << 16  # that have the mark
+# As no other program names its files.
 _PART = re.compile(r"\.(?:.+\.)?[0-9a-f]{8}\.physic-part", re.DOTALL)
 
 
@@ -161,14 +161,14 @@ def check_own(*paths: Path, mark: str = MARK) -> None:
 
     Args:
         paths: of the files that will be written.
-        mark: text that the first or last 64 kB of these files contain, in UTF-8.
+        mark: text that the first 64 kB of these files contain, in UTF-8.
 
     Raises:
         OutputError: one of them exists, and is not a regular file with the mark; a link counts as a file of the user.
     """
     for path in paths:
         try:
-            is_own = stat.S_ISREG(os.lstat(path).st_mode) and mark.encode() in _both_ends(path)
+            is_own = stat.S_ISREG(os.lstat(path).st_mode) and mark.encode() in _start(path)
         except FileNotFoundError:
             continue
         except OSError as error:
@@ -212,11 +212,9 @@ def open_to_append(path: Path) -> BinaryIO:
     return open(path, "ab+", opener=opener)
 
 
-def _both_ends(path: Path) -> bytes:
+def _start(path: Path) -> bytes:
     with path.open("rb") as file:
-        start = file.read(_END_BYTES)
-        file.seek(max(file.tell(), file.seek(0, os.SEEK_END) - _END_BYTES))
-        return start + file.read()
+        return file.read(_START_BYTES)
 
 
 def open_regular(path: Path) -> BufferedReader:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import csv
-import sys
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
 from PIL import Image
 
-from physic_core.batch import journal
 from physic_core.cli import main
 from physic_testing.worlds import build_world
 
@@ -26,7 +24,7 @@ def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(tmp_path: Pat
     Path("photos").mkdir()
     Image.fromarray(build_world("stand", 0, (160, 120)).image).save("photos/stand.png")
     Path("photos/broken.jpg").write_text("no photo")
-    options = ("photos", "-o", "out", "--preset", "mock", "--save", "people", "--table", "csv", "--workers", "1")
+    options = ("photos", "-o", "out", "--preset", "mock", "--save", "people", "--workers", "1")
     done = physic(*options)
     assert done.exit_code == 0, done.output
     assert done.stdout.splitlines() == [
@@ -59,10 +57,12 @@ def test_a_dry_run_lists_the_photos_and_writes_nothing(tmp_path: Path, monkeypat
     Path("photos").mkdir()
     for name in ("a.jpg", "b.jpg", "c\x1b.jpg", "notes.txt"):
         Path("photos", name).write_text("no photo")
-    options = ("photos", "-o", "out", "--preset", "mock", "--table", "csv")
+    options = ("photos", "-o", "out", "--preset", "mock")
     done = physic(*options, "--dry-run")
     assert done.stdout.splitlines() == [f"{tmp_path}/photos/{name}.jpg" for name in ("a", "b", "c\\x1b")]
-    assert done.stderr == "skipped 1 file: 1 .txt\n3 photos: 3 to do, 0 done before\n"
+    assert (
+        done.stderr == "skipped 1 files that are no photos, hidden, or of results\n3 photos: 3 to do, 0 done before\n"
+    )
     assert not Path("out").exists()
     assert physic(*options, "--limit", "1", "--workers", "1").exit_code == 0
     rest = physic(*options, "--limit", "1", "--dry-run")
@@ -86,23 +86,7 @@ def test_an_invalid_argument_ends_a_batch_before_its_first_photo(
 ):
     monkeypatch.chdir(tmp_path)
     Path("a.jpg").touch()
-    done = physic("-o", "out", "--table", "csv", *arguments)
+    done = physic("-o", "out", *arguments)
     assert done.exit_code == code
     assert message in done.stderr
     assert not Path("out").exists()
-
-
-def test_without_pyarrow_the_command_names_the_package_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
-    done = physic(".", "-o", "out", "--table", "parquet")
-    assert (done.exit_code, "pip install pyarrow" in done.stderr) == (4, True)
-
-
-@pytest.mark.parametrize(("installed", "kind"), [(True, "parquet"), (False, "csv")])
-def test_the_table_is_a_csv_file_without_pyarrow(
-    installed: bool, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    monkeypatch.setattr(journal, "import_pyarrow", lambda purpose: None)
-    monkeypatch.setattr(journal, "find_spec", lambda name: object() if installed else None)
-    assert journal.choose_table(tmp_path, None) == kind

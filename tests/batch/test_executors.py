@@ -42,7 +42,7 @@ def physic_executors():
 
 
 def physic(*arguments: str) -> Result:
-    return CliRunner().invoke(main, ["batch", "photos", "-o", "out", "--preset", "mock", "--table", "csv", *arguments])
+    return CliRunner().invoke(main, ["batch", "photos", "-o", "out", "--preset", "mock", *arguments])
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from click.testing import CliRunner, Result
 from fuzzing.tiny_result import tiny_result
 from physic_core import load_reconstruction
 from physic_core.batch.contact_sheet import write_thumbnail
-from physic_core.batch.journal import read_journals
+from physic_core.batch.journal import check_tables, read_journals, write_table
 from physic_core.batch.photos import list_photos, photo_folder
 from physic_core.batch.process import BatchJob, PhotoProcessor
 from physic_core.batch.run import plan_batch, run_batch
@@ -28,7 +28,7 @@ MINE = '{"id": "mine", "stature": 1.71}\n'
 
 
 def batch(photos: str, out: Path, *options: str) -> Result:
-    arguments = ("batch", photos, "-o", str(out), "--preset", "mock", "--table", "csv", "--workers", "1", *options)
+    arguments = ("batch", photos, "-o", str(out), "--preset", "mock", "--workers", "1", *options)
     return CliRunner().invoke(main, arguments)
 
 
@@ -118,17 +118,14 @@ def test_an_edited_file_of_a_result_is_kept(
     load_reconstruction(folder)
 
 
-@pytest.mark.parametrize("kind", ["csv", "parquet"])
-def test_a_table_is_known_by_its_mark(kind: str, tmp_path: Path):
-    if kind == "parquet":
-        pytest.importorskip("pyarrow")
-    from physic_core.batch.journal import choose_table, write_table
-
-    write_table(tmp_path, kind)
-    assert choose_table(tmp_path, kind) == kind
-    (tmp_path / f"summary.{kind}").write_text("path,note\n")
+def test_a_table_is_known_by_its_first_line(tmp_path: Path):
+    write_table(tmp_path)
+    check_tables(tmp_path)
+    (tmp_path / "summary.csv").write_text("path,note\n")
     with pytest.raises(OutputError):
-        write_table(tmp_path, kind)
+        check_tables(tmp_path)
+    with pytest.raises(OutputError):
+        write_table(tmp_path)
 
 
 def test_a_thumbnail_of_the_user_stays(tmp_path: Path):

@@ -36,8 +36,8 @@ def test_a_folder_gives_its_photos_recursively_and_in_order(folder: Path):
     assert names(list_photos([str(folder)]).photos) == ["a.PNG", "b.jpg", "c.webp"]
 
 
-def test_files_patterns_and_folders_give_each_photo_once(folder: Path):
-    assert names(list_photos(["photos/b.jpg", "photos/**/*.webp", "photos"]).photos) == ["b.jpg", "c.webp", "a.PNG"]
+def test_files_and_folders_give_each_photo_once(folder: Path):
+    assert names(list_photos(["photos/b.jpg", "photos/deep", "photos"]).photos) == ["b.jpg", "c.webp", "a.PNG"]
     assert names(list_photos(["photos/notes.txt"]).photos) == ["notes.txt"]
     assert list_photos(["photos/b.jpg"]).photos == list_photos([str(folder / "b.jpg")]).photos
 
@@ -45,7 +45,7 @@ def test_files_patterns_and_folders_give_each_photo_once(folder: Path):
 def test_pictures_of_an_earlier_run_are_no_photos(folder: Path):
     (folder / "out" / "thumbnails").mkdir(parents=True)
     (folder / "out" / "thumbnails" / "b.jpg").touch()
-    assert names(list_photos(["photos", "photos/**/*.jpg"], "photos/out").photos) == ["a.PNG", "b.jpg", "c.webp"]
+    assert names(list_photos(["photos"], "photos/out").photos) == ["a.PNG", "b.jpg", "c.webp"]
 
 
 def test_a_table_gives_cameras_statures_ages_and_ids(folder: Path):
@@ -83,8 +83,8 @@ def test_a_table_with_faults_is_an_error(folder: Path, rows: str, message: str):
         list_photos([str(folder / "table.csv")])
 
 
-@pytest.mark.parametrize("name", ["nowhere/*.jpg", "empty.csv", "head.csv"])
-def test_a_pattern_or_a_table_without_photos_is_an_error(folder: Path, name: str):
+@pytest.mark.parametrize("name", ["nowhere/a.jpg", "empty.csv", "head.csv"])
+def test_a_name_or_a_table_without_photos_is_an_error(folder: Path, name: str):
     Path("empty.csv").touch()
     Path("head.csv").write_text("path,id\n")
     with pytest.raises(InputError, match=f"no photos .*{re.escape(name)}"):
@@ -93,28 +93,22 @@ def test_a_pattern_or_a_table_without_photos_is_an_error(folder: Path, name: str
 
 def test_the_folder_of_the_photos_cannot_be_the_output_folder(tmp_path: Path):
     (tmp_path / "a.jpg").touch()
-    with pytest.raises(InputError, match="1 in the output folder"):
+    with pytest.raises(InputError, match="1 files were skipped"):
         list_photos([str(tmp_path)], tmp_path)
 
 
-def test_skipped_files_are_counted_by_reason(folder: Path):
-    (folder / "Thumbs.db").touch()
-    (folder / "more.txt").touch()
-    (folder / "README").touch()
-    (folder / "link").symlink_to(folder / "deep", target_is_directory=True)
+def test_files_that_are_no_photos_are_skipped(folder: Path):
+    for name in ("Thumbs.db", "more.txt", "README"):
+        (folder / name).touch()
     for name in ("b-physic/reconstruction.json", "b-physic/preview.png", "old/journal-1-of-2.jsonl"):
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).touch()
     (folder / "old" / "thumbnails" / "3f").mkdir(parents=True)
     (folder / "old" / "thumbnails" / "3f" / "b.jpg").touch()
     listed = list_photos(["photos"])
-    assert names(listed.photos) == ["a.PNG", "b.jpg", "c.webp"]
-    assert listed.describe_skipped() == (
-        "skipped 10 files: 4 in folders of results, 2 .txt, 1 .db, 1 hidden, 1 link to a folder, 1 without a suffix"
-    )
-    assert list_photos(["photos/*/*.png", "photos/b.jpg"]).skipped == {"in folders of results": 1}
+    assert (names(listed.photos), listed.skipped) == (["a.PNG", "b.jpg", "c.webp"], 9)
     assert names(list_photos(["photos/b-physic/preview.png"]).photos) == ["preview.png"]
-    with pytest.raises(InputError, match="2 in folders of results"):
+    with pytest.raises(InputError, match="2 files were skipped"):
         list_photos(["photos/old"])
 
 
@@ -132,7 +126,7 @@ except InputError as error:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="permissions")
-@pytest.mark.parametrize("asked", ["photos", "photos/**/*.jpg", "photos/*/a.jpg", "photos/locked"])
+@pytest.mark.parametrize("asked", ["photos", "photos/locked"])
 def test_a_folder_that_cannot_be_read_is_an_error(tmp_path: Path, asked: str):
     (tmp_path / "photos" / "locked").mkdir(parents=True)
     (tmp_path / "photos" / "a.jpg").touch()
@@ -142,23 +136,6 @@ def test_a_folder_that_cannot_be_read_is_an_error(tmp_path: Path, asked: str):
     command = [sys.executable, "-c", UNREADABLE, asked]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
     assert "photos/locked: Permission denied" in done.stdout
-
-
-def test_parquet_tables_of_pandas_have_nan_for_missing_values_and_numbers_as_ids(tmp_path: Path):
-    pyarrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
-    nan = float("nan")
-    columns = {"path": ["a.jpg", "b.jpg"], "id": [0, 1], "camera": [nan, 900.0], "stature": [nan, 1.7]}
-    parquet.write_table(pyarrow.table(columns), tmp_path / "table.parquet")
-    items = list_photos([str(tmp_path / "table.parquet")]).photos
-    assert [(item.id, item.settings) for item in items] == [
-        ("0", {}),
-        ("1", {"focal_px": 900.0, "stature": [1.7]}),
-    ]
-    parquet.write_table(pyarrow.table({"path": [b"a.jpg"]}), tmp_path / "bytes.parquet")
-    (tmp_path / "text.parquet").write_text("no table")
-    for name, message in (("bytes", r"row 1: a path is text .* \(got b'a.jpg'\)$"), ("text", "^cannot read ")):
-        with pytest.raises(InputError, match=message):
-            list_photos([str(tmp_path / f"{name}.parquet")])
 
 
 def test_a_folder_has_two_digits_of_the_ids_hash_before_it():

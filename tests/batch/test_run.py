@@ -118,7 +118,7 @@ def test_names_that_are_not_utf8_reach_every_file(standin: ModuleType, tmp_path:
         "новый 😀 <b>&": ("done", ""),
         "broken \udcfe": ("failed", "ValueError"),
     }
-    text = write_table(out, "csv").read_text(encoding="utf-8")
+    text = write_table(out).read_text(encoding="utf-8")
     assert "a \\udcff.jpg" in text
     page = write_contact_sheet(out).read_text(encoding="utf-8")
     assert "a \\udcff.jpg" in page
@@ -161,7 +161,6 @@ def test_a_truncated_row_counts_for_nothing(tmp_path: Path):
         path.write_bytes(content[:at])
         found = read_journals(tmp_path)
         assert all(found.last[name] == before[name] for name in found.last)
-        assert len(found.last) + found.damaged == sum(map(bool, content[:at].split(b"\n")))
 
 
 @pytest.mark.parametrize("names", [("1-of-2", "2-of-2"), ("2-of-2", "1-of-2")])
@@ -224,7 +223,7 @@ def test_what_changed_is_done_anew(tmp_path: Path, out: Path):
     assert todo(job, photos) == []  # touched, with the same content
     (photos / "b.jpg").write_text("B")
     assert todo(job, photos) == ["b"]
-    assert plan_batch(list_photos([str(photos)]).photos, job).changed == 1
+    assert plan_batch(list_photos([str(photos)]).photos, job).again == 1
     (photos / "d.jpg").write_text("d")
     assert todo(job, photos) == ["b", "d"]
 
@@ -300,7 +299,7 @@ def test_each_file_that_is_lost_is_made_again(tmp_path: Path, out: Path, save: s
                 path.write_bytes(damaged)
             plan = plan_batch(list_photos([str(photos)]).photos, job)
             lost = not damaged or path.name.startswith("reconstruction")  # a picture may be edited
-            assert (path.name, len(plan.todo), plan.lost, plan.changed) == (path.name, lost, lost, 0)
+            assert (path.name, len(plan.todo), plan.again) == (path.name, lost, lost)
             path.write_bytes(content)
     assert todo(job, photos) == []
 

@@ -7,7 +7,6 @@ import json
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -60,7 +59,7 @@ def test_a_foreign_file_in_the_folder_of_a_photo_fails_only_that_photo(result: R
 
 
 def test_the_table_has_a_row_for_each_photo(batch: Path):
-    with write_table(batch, "csv").open(newline="") as file:
+    with write_table(batch).open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [(row["id"], row["state"], row["people"]) for row in rows] == [
         ("one", "done", "2"),
@@ -85,7 +84,7 @@ def test_each_person_has_a_row_in_the_order_of_the_photos(batch: Path, result: R
         for name in ("one", "=3"):
             journal.append(process(PhotoItem(name, f"/photos/{name}.jpg")))
     assert people_of(batch) == [*expected[2:], ("one", "0"), ("'=3", "0")]
-    with write_table(batch, "csv").open(newline="") as file:
+    with write_table(batch).open(newline="") as file:
         assert not {"people_rows"} & set(next(csv.reader(file)))
 
 
@@ -95,7 +94,7 @@ def test_no_text_of_the_csv_table_is_a_formula(tmp_path: Path):
     with Journal(tmp_path / "journal.jsonl") as journal:
         for name in ids:
             journal.append(failed_row(job, PhotoItem(name, f"/photos/{name}"), "InputError", "=1+1", 0.0))
-    with write_table(tmp_path, "csv").open(newline="", encoding="utf-8") as file:
+    with write_table(tmp_path).open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert not [
         text
@@ -106,23 +105,6 @@ def test_no_text_of_the_csv_table_is_a_formula(tmp_path: Path):
     assert [row["id"].removeprefix("'") for row in rows] == ids
     assert [row["id"][0] == "'" for row in rows] == [True] * 9 + [False] * 2
     assert {row["message"] for row in rows} == {"'=1+1"}
-    if find_spec("pyarrow"):
-        assert parquet_column(write_table(tmp_path, "parquet"), "id") == ids
-
-
-def parquet_column(path: Path, name: str) -> list[Any]:
-    import pyarrow.parquet
-
-    values: list[Any] = pyarrow.parquet.read_table(path)[name].to_pylist()
-    return values
-
-
-def test_the_parquet_table_equals_the_csv(batch: Path):
-    parquet = pytest.importorskip("pyarrow.parquet")
-    table = parquet.read_table(write_table(batch, "parquet")).to_pydict()
-    assert table["id"] == ["one", "bad", "two"]
-    assert table["people"] == [2.0, None, 2.0]
-    assert table["error"] == ["", "InputError", ""]
 
 
 def test_the_contact_sheet_is_one_file_that_needs_no_network(batch: Path):

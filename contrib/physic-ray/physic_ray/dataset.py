@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
-from physic_core.batch.journal import all_columns, arrow_schema
+from physic_core.batch.journal import COLUMNS
 from physic_core.batch.photos import PhotoItem, photo_of_row
 from physic_core.batch.process import prepare_job
 from physic_core.errors import ConfigError
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 PHOTOS_OF_BLOCK = 16
 """Photos of one task of Ray; what the loss of a node can cost is this much work for each of its workers."""
 
+_INTEGERS = ("attempts", "run", "bytes", "modified")
+_NUMBERS = ("seconds", "peak_mb")
 _CPUS_OF_RAY_DATA = 2  # of a task that reads, and of the actor that skips finished rows
 
 
@@ -109,6 +111,20 @@ def _set_checkpoint(dataset: ray.data.Dataset, folder: str, resources: Resources
     )
 
 
+def schema_of_rows() -> pa.Schema:
+    """Return the schema of rows: columns of the journal, then the numbers of all results."""
+    from physic_core.pipeline.checks import CHECKS
+    from physic_core.types.results import SUMMARY_KEYS
+
+    def kind(name: str) -> pa.DataType:
+        if name in _INTEGERS:
+            return pa.int64()
+        return pa.string() if name in COLUMNS and name not in _NUMBERS else pa.float64()
+
+    numbers = (*SUMMARY_KEYS, *(f"check_{name}" for name in CHECKS))
+    return pa.schema([(name, kind(name)) for name in dict.fromkeys((*COLUMNS, *numbers))])
+
+
 class TableActor:
     """Turns a table of photos into a table of rows with a fixed schema.
 
@@ -122,7 +138,7 @@ class TableActor:
     def __call__(self, photos: pa.Table) -> pa.Table:
         """Return the rows of some photos."""
         rows = [self._reconstruct(photo) for photo in photos.to_pylist()]
-        schema = arrow_schema(all_columns())
+        schema = schema_of_rows()
         return pa.table({name: [row.get(name) for row in rows] for name in schema.names}, schema=schema)
 
     def _reconstruct(self, photo: Mapping[str, Any]) -> dict[str, Any]:

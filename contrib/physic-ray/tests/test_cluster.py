@@ -153,8 +153,8 @@ def test_a_dataset_becomes_parquet_files_and_its_checkpoint_leaves_out_what_is_w
     from PIL import Image
 
     import physic_ray
-    from physic_core.batch.journal import all_columns, arrow_schema
     from physic_ray.cluster import connected
+    from physic_ray.dataset import schema_of_rows
     from physic_testing.worlds import build_world
 
     Image.fromarray(build_world("stand", size=(96, 72)).image).save(tmp_path / "stand.png")
@@ -166,7 +166,7 @@ def test_a_dataset_becomes_parquet_files_and_its_checkpoint_leaves_out_what_is_w
         rows = physic_ray.reconstruct(photos, "mock", resources=RESOURCES, checkpoint=str(tmp_path / "checkpoint"))
         rows.write_parquet(str(tmp_path / "rows"))
         files = pyarrow.dataset.dataset(str(tmp_path / "rows"))
-        assert files.schema == arrow_schema(all_columns())
+        assert files.schema == schema_of_rows()
         return sorted(files.to_table().to_pylist(), key=lambda row: str(row["id"]))
 
     with connected(cluster.address):
