@@ -104,12 +104,12 @@ def _job(out: Path, options: Mapping[str, Any], *, write: bool) -> BatchJob:
         write: whether to create the folder.
     """
     from physic_core.batch.process import prepare_job
-    from physic_core.configuration.resolve import load_checked_config
+    from physic_core.configuration.model import load_config
 
     file, preset, device = options["file"], options["preset"], options["device"]
     save, thumbnails = options["save"], not options["no_thumbnails"]
     flags = {"--device": {"run": {"device": device}}} if device else {}
-    config = load_checked_config(file, preset=preset, overrides=options["overrides"], flags=flags)
+    config = load_config(file, preset=preset, overrides=options["overrides"], flags=flags)
     cache = options["cache"]
     return prepare_job(config, out, save, thumbnails=thumbnails, cache=cache, write=write)
 

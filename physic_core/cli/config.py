@@ -54,9 +54,9 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
     No backend is loaded. A body model file is opened. Exits with code 2 if the configuration or the body model
     has errors or the device is missing, with 4 if files are missing, and with 5 if a backend is broken.
     """
+    from physic_core.configuration.model import load_config
     from physic_core.configuration.resolve import (
         format_missing,
-        load_checked_config,
         missing_file_messages,
         missing_gpu,
         named_weights,
@@ -64,7 +64,7 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
     )
     from physic_core.weights.find import size_mismatches
 
-    found = load_checked_config(file, preset=preset, overrides=overrides)
+    found = load_config(file, preset=preset, overrides=overrides)
     plan = resolve(found)
     files, device, sets = missing_file_messages(plan), missing_gpu(plan), named_weights(plan)
     path = found.body_model.path

@@ -200,44 +200,18 @@ def named_weights(plan: ResolvedPipeline) -> tuple[WeightSet, ...]:
     return tuple(found.values())
 
 
-def check_backends(config: Config) -> None:
-    """Check the names and options of all backends without constructing them.
-
-    Raises:
-        ConfigError: names or options are invalid; the message lists all errors.
-        BackendError: a backend is broken.
-    """
-    _select({name: config.choice(name) for name in INTERFACES}, config.source)
-
-
-def load_checked_config(file: str | os.PathLike[str] | None = None, **settings: Any) -> Config:
-    """Load a configuration, and check the names and options of its backends.
+def load_plan(file: str | os.PathLike[str] | None = None, **settings: Any) -> ResolvedPipeline:
+    """Load a configuration and check it, with its backends, their weights and the device; no network is loaded.
 
     Args:
         file: as in :func:`physic_core.configuration.model.load_config`.
         settings: preset, overrides, flags and environment, as in ``load_config``.
 
     Raises:
-        ConfigError: the configuration is invalid; the message lists all errors.
-        BackendError: a backend is broken.
-    """
-    config = load_config(file, **settings)
-    check_backends(config)
-    return config
-
-
-def load_plan(file: str | os.PathLike[str] | None = None, **settings: Any) -> ResolvedPipeline:
-    """Load a configuration and check it, with its backends, their weights and the device; no network is loaded.
-
-    Args:
-        file: as in :func:`load_checked_config`.
-        settings: as in :func:`load_checked_config`.
-
-    Raises:
         ConfigError: the configuration is invalid.
         PhysicError: a backend cannot be imported or constructed, or its weights are missing.
     """
-    plan = resolve(load_checked_config(file, **settings))
+    plan = resolve(load_config(file, **settings))
     require_available(plan)
     return plan
 

@@ -17,15 +17,13 @@ from physic_core.discovery.entry_points import (
     installed_offers,
     restricted_to,
 )
-from physic_core.discovery.error_text import closest_name, describe_error
+from physic_core.discovery.error_text import describe_error, did_you_mean
 from physic_core.discovery.local_modules import TARGET
 from physic_core.discovery.plugin_code import named_plugin_code, plugin_code
 from physic_core.errors import AmbiguousBackendError, BackendError, BackendNotFoundError, WeightsMissingError
 from physic_core.interfaces import INTERFACES
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from physic_core.interfaces import Backend
 
 _IN_CONFIG = "named in the config"
@@ -171,13 +169,11 @@ def _explain_missing(name: str, interface: str | None) -> str:
     others = sorted({offer.interface for offer in list_backends() if offer.name == bare})
     if owners := [offer.distribution for offer in offers if offer.name == bare]:
         parts.append(f"'{bare}' comes from {' and '.join(owners)}")
-    elif close := closest_name(bare, names):
-        parts.append(f"Did you mean '{close}'?")
     elif others:
         parts.append(f"'{bare}' is the name of a {' and of a '.join(others)}")
-    elif close := closest_name(bare, BACKENDS):
-        parts.append(f"'{close}' comes with {BACKENDS[close]}: {how_to_install(BACKENDS[close])}")
-    return ". ".join(parts)
+    elif bare in BACKENDS:
+        parts.append(f"'{bare}' comes with {BACKENDS[bare]}: {how_to_install(BACKENDS[bare])}")
+    return ". ".join(parts) + did_you_mean(bare, {*names, *BACKENDS} - {bare})
 
 
 def _import_target(offer: Offer, title: str) -> object:
@@ -193,7 +189,8 @@ def _import_target(offer: Offer, title: str) -> object:
     except Exception as cause:  # any error of a plugin's module: name the plugin
         kind, advice = BackendError, ""
         if offer.distribution == _IN_CONFIG:
-            advice = _advice(folder, module, cause)
+            if isinstance(cause, ModuleNotFoundError):
+                advice = "; of the folder of a config that module alone is imported: put others into PYTHONPATH"
             if found is not None or _is_not_found(module, cause):
                 kind = BackendNotFoundError
         raise kind(f"{title} cannot be imported: {describe_error(cause, module)}{advice}") from cause
@@ -203,20 +200,3 @@ def _import_target(offer: Offer, title: str) -> object:
 def _is_not_found(module: str, cause: BaseException) -> bool:
     """Return whether the named module itself does not exist, rather than a module that it imports."""
     return isinstance(cause, ModuleNotFoundError) and (cause.name is None or f"{module}.".startswith(f"{cause.name}."))
-
-
-def _advice(folder: Path | None, module: str, cause: BaseException) -> str:
-    """Return the remedy if a named module, or one that it imports, is not found; empty for other errors."""
-    missing = cause.name if isinstance(cause, ModuleNotFoundError) else None
-    if missing is None:
-        return ""
-    missing = missing.partition(".")[0]
-    if folder is None:
-        is_named = missing == module.partition(".")[0]
-        return f"; put {missing}.py beside the config, or its folder into PYTHONPATH" if is_named else ""
-    if not (folder / f"{missing}.py").is_file() and not (folder / missing).is_dir():
-        return ""
-    return (
-        f"; {missing} lies in {folder} too, but only {module} is taken from there: put both into a package and import "
-        f"relatively, or put that folder into PYTHONPATH"
-    )

@@ -81,16 +81,6 @@ class ExporterRecord:
     extra: str = ""
     options: Mapping[str, tuple[str | bool, ...]] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        if not self.suffixes or isinstance(self.suffixes, str) or not all(s.startswith(".") for s in self.suffixes):
-            raise ValueError(f"suffixes of the exporter {self.name!r} should be like ('.fbx',), got {self.suffixes!r}")
-        if self.bodies not in ("optional", "required"):
-            raise ValueError(
-                f"bodies of the exporter {self.name!r} should be 'optional' or 'required', got {self.bodies!r}"
-            )
-        if not self.ups or isinstance(self.ups, str) or set(self.ups) - {"y", "z", "camera"}:
-            raise ValueError(f"ups of the exporter {self.name!r} should be of 'y', 'z' and 'camera', got {self.ups!r}")
-
     @property
     def missing_packages(self) -> tuple[str, ...]:
         """The required packages that are not installed."""

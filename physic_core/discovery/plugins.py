@@ -231,14 +231,10 @@ def find_exporter(name: str | None, suffix: str = "") -> Found[ExporterRecord]:
             )
         return found[0]
     if found:
-        names = " or ".join(dict.fromkeys(each.record.name for each in found))
-        if len({each.record.name for each in found}) == len(found):
-            raise InputError(f"a file {suffix} can be {names}: state which (--to, or format= in Python)")
-        owners = " and ".join(sorted(each.distribution for each in found))
-        raise InputError(f"the export format {names} is offered by {owners}: uninstall one of them")
-    known = ", ".join(each.record.name for each in exporters)
-    choose = "; ".join((f"choose one of {known}", *missing_formats(exporters)))
-    if name:
-        raise InputError(f"there is no export format '{name}': {choose}")
-    what = f"'{suffix}' is the suffix of none" if suffix else "the path has no suffix"
-    raise InputError(f"no export format is given, and {what}: {choose} (--to, or format= in Python)")
+        offers = " or ".join(f"{each.record.name} of {each.distribution}" for each in found)
+        raise InputError(f"the format can be {offers}: state which (--to, or format= in Python), or uninstall one")
+    if wanted in EXPORTERS:
+        raise InputError(f"the export format '{wanted}' needs {explain_absence(EXPORTERS[wanted])}")
+    names = dict.fromkeys((*(each.record.name for each in exporters), *EXPORTERS))
+    what = f"'{name or suffix}' is no export format" if name or suffix else "the path has no suffix"
+    raise InputError(f"{what}: choose one of {', '.join(names)} (--to, or format= in Python)")

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from physic_core.cache.digests import remembered_sha256
 from physic_core.cache.folders import cache_folder
-from physic_core.discovery.error_text import format_choice, similar_names
+from physic_core.discovery.error_text import did_you_mean
 from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.weights.lock import locked, record_use
 from physic_core.weights.manifest import HubSource, WeightFile, WeightSet, read_manifest
@@ -232,9 +232,8 @@ def _path_of_user(manifest: Path, value: str, file: str | None) -> Path:
     if path.suffix or any(mark in value for mark in ("/", os.sep)):
         raise WeightsMissingError(f"no file or folder {value}")
     names = sorted(read_manifest(manifest))
-    close = similar_names(value, names)
-    hint = f" Did you mean {format_choice(close)}?" if close else f" There are: {', '.join(names) or 'none'}."
-    raise WeightsMissingError(f"no weight set, file or folder is named '{value}'.{hint}")
+    hint = did_you_mean(value, names) or f"; there are: {', '.join(names) or 'none'}"
+    raise WeightsMissingError(f"no weight set, file or folder is named '{value}'{hint}")
 
 
 def _identity(path: Path, file: WeightFile | None = None) -> str:

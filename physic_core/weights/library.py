@@ -14,7 +14,7 @@ from physic_core.discovery.entry_points import (
     installed_offers,
     weights_folder,
 )
-from physic_core.discovery.error_text import format_choice, similar_names
+from physic_core.discovery.error_text import did_you_mean
 from physic_core.errors import ConfigError, PhysicError
 
 if TYPE_CHECKING:
@@ -62,11 +62,9 @@ class WeightLibrary:
         if found:
             choices = " or ".join(f"'{one.offer.distribution}:{bare}'" for one in found)
             raise ConfigError(f"several plugins list weights named '{bare}': write {choices}")
-        names = sorted({one.weights.name for one in self.sets})
-        close = similar_names(bare, names)
-        hint = f"did you mean {format_choice(close)}?" if close else "`physic weights list` lists all names"
+        hint = did_you_mean(bare, {one.weights.name for one in self.sets}) or "; `physic weights list` lists all names"
         broken = "".join(f"\n{offer.owner}: {why}" for offer, why in self.broken)
-        raise ConfigError(f"no weights are named '{name}'; {hint}{broken}")
+        raise ConfigError(f"no weights are named '{name}'{hint}{broken}")
 
 
 def read_library() -> WeightLibrary:

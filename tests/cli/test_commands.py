@@ -15,7 +15,7 @@ from physic_core.cli import main
 from physic_core.cli.config import config_toml
 from physic_core.configuration.layers import preset_names
 from physic_core.configuration.model import load_config
-from physic_core.configuration.resolve import load_checked_config, resolve
+from physic_core.configuration.resolve import resolve
 from physic_core.errors import InputError
 from physic_core.types import Reconstruction, StageRecord
 
@@ -312,9 +312,7 @@ def test_init_writes_the_preset_as_it_is_and_uncommented(preset: str):
     lines = Path("physic.toml").read_text().splitlines()
     # One # less at the head of every line, as editors do it.
     Path("open.toml").write_text("\n".join(re.sub("^# ?", "", line) for line in lines))
-    opened, plain = (
-        resolve(load_checked_config(*args, preset=name)) for args, name in ((("open.toml",), None), ((), preset))
-    )
+    opened, plain = (resolve(load_config(*args, preset=name)) for args, name in ((("open.toml",), None), ((), preset)))
     assert opened.engine == plain.engine
     assert (opened.photo, opened.body_model, opened.device) == (plain.photo, plain.body_model, plain.device)
     assert opened.config.run == plain.config.run

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from physic_core import interfaces
 from physic_core.configuration.model import Config, load_config
-from physic_core.configuration.resolve import check_backends, resolve
+from physic_core.configuration.resolve import resolve
 from physic_core.errors import BackendError, ConfigError, PhysicError
 from physic_core.interfaces import INTERFACES
 
@@ -43,7 +43,7 @@ def config(**tables: Any) -> Config:
 
 def refusal(chosen: Config, kind: type[PhysicError] = ConfigError) -> str:
     with pytest.raises(kind) as caught:
-        check_backends(chosen)
+        resolve(chosen)
     return str(caught.value)
 
 

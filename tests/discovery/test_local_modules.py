@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from physic_core.cli import main
 from physic_core.configuration.model import load_config
-from physic_core.configuration.resolve import check_backends, resolve
+from physic_core.configuration.resolve import resolve
 from physic_core.discovery.local_modules import load_module, split_folder
 from physic_core.errors import BackendError, ConfigError
 
@@ -70,7 +70,7 @@ def test_the_class_of_set_lies_in_the_current_folder(tmp_path: Path):
 def test_the_class_of_a_variable_lies_on_pythons_path_alone(monkeypatch: pytest.MonkeyPatch):
     Path("own_depth.py").write_text(DEPTH)
     monkeypatch.setenv("PHYSIC__METRIC_DEPTH__BACKEND", "own_depth:MyDepth")
-    with pytest.raises(ConfigError, match=r"No module named .own_depth.; put own_depth\.py beside"):
+    with pytest.raises(ConfigError, match=r"No module named .own_depth."):
         kind()
 
 
@@ -128,11 +128,7 @@ def test_what_lies_beside_the_module_is_not_found(tmp_path: Path):
     (folder / "own_depth.py").write_text("import own_helper\n" + DEPTH)
     with pytest.raises(BackendError) as caught:
         kind(file)
-    assert str(caught.value).endswith(
-        "ModuleNotFoundError: No module named 'own_helper' (own_depth.py:1); own_helper lies in "
-        f"{folder} too, but only own_depth is taken from there: put both into a package and import relatively, or put "
-        "that folder into PYTHONPATH"
-    )
+    assert "No module named 'own_helper' (own_depth.py:1); of the folder of a config that module" in str(caught.value)
     assert "own_depth" not in sys.modules
 
 
@@ -144,7 +140,7 @@ def test_the_name_of_an_installed_module_is_refused(tmp_path: Path, name: str, w
     assert str(caught.value).startswith(f"another module is called {name} (")
     assert str(caught.value).endswith(f"{whose}): rename {tmp_path / name}.py")
     with pytest.raises(BackendError, match=f"another module is called {name} "):
-        check_backends(load_config(preset="mock", overrides=[f"metric_depth.backend={tmp_path}/{name}:MyDepth"]))
+        resolve(load_config(preset="mock", overrides=[f"metric_depth.backend={tmp_path}/{name}:MyDepth"]))
 
 
 def test_two_files_of_one_name_are_refused(tmp_path: Path):

@@ -9,7 +9,7 @@ import pytest
 
 from physic_core import cli
 from physic_core.configuration import model as config
-from physic_core.configuration.resolve import check_backends
+from physic_core.configuration.resolve import resolve
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
@@ -35,7 +35,7 @@ def commands(program: str) -> list[list[str]]:
 @pytest.mark.parametrize("text", blocks("toml"))
 def test_every_config_of_the_pages_holds(text: str):
     given = {key: value for key, value in tomllib.loads(text).items() if key != "extends"}
-    check_backends(config.load_config(flags={"page": given}))
+    resolve(config.load_config(flags={"page": given}))
 
 
 @pytest.mark.parametrize("words", commands("physic"), ids=" ".join)

@@ -109,10 +109,10 @@ def _measure_accuracy(options: _AccuracyOptions) -> None:
 
     from physic_bench.tables import check_results
     from physic_core.cache.folders import cache_folder
-    from physic_core.configuration.resolve import check_backends, require_available, resolve
+    from physic_core.configuration.resolve import require_available, resolve
     from physic_core.files.atomic import check_writable
 
-    check_backends(config)
+    resolve(config)
     require_available(resolve(noisy))
     check_results(check_writable(options.out))
 

@@ -189,9 +189,10 @@ def _config(given: _Given) -> Config:
         PhysicError: it is invalid, or files that it needs are missing.
     """
     from physic_core.batch.process import batch_config
-    from physic_core.configuration.resolve import load_checked_config, require_available, resolve
+    from physic_core.configuration.model import load_config
+    from physic_core.configuration.resolve import require_available, resolve
 
-    config = load_checked_config(given.config, preset=given.preset, overrides=given.overrides)
+    config = load_config(given.config, preset=given.preset, overrides=given.overrides)
     config = batch_config(config, cache=False)
     require_available(resolve(config))
     return config
