@@ -72,9 +72,6 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
 @_setting("--person", "photo.person", type=_Numbers("x,y"), multiple=True, help=_PERSON)
 @_setting("--box", "photo.box", type=_Numbers("x0,y0,x1,y1"), multiple=True, help="The same, by a box around a person.")
 @_setting(
-    "--masks", "photo.masks", metavar="FILE", help="The same, by an indexed PNG: 1 marks the first person's pixels."
-)
-@_setting(
     "--depth", "photo.depth", metavar="FILE", help="Depth map of the photo: .npy or .exr in m, .png in mm, or .heic."
 )
 @_setting("--pointmap", "photo.pointmap", metavar="FILE", help="Point map of the photo: .npy (H, W, 3), or .npz.")

@@ -114,11 +114,6 @@ class PhotoSettings(_Table):
         max_length=_MAX_PROMPTS,
         description="x0, y0, x1, y1 around each person to reconstruct, px of the upright photo file",
     )
-    masks: _FilePath = Field(
-        default=None,
-        description="an indexed PNG of the upright photo's size: 0 background, 1 the first person to reconstruct, "
-        "2 the second; relative to the config file",
-    )
     depth: _FilePath = Field(
         default=None,
         description="a depth map of the photo, instead of metric_depth: .npy or .exr in metres, or a 16-bit PNG in "

@@ -1,78 +1,14 @@
-"""Read, validate and resize the user's choice of people."""
+"""Validate and resize the user's choice of people."""
 
 from __future__ import annotations
 
 import math
-import os
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from physic_core.errors import InputError
-from physic_core.files.image_file import ImageSource, decode, open_image
 from physic_core.types import PeoplePrompt
-
-if TYPE_CHECKING:
-    from physic_core.types import BoolArray
-
-_MAX_MASKS = 100
-"""Maximum number of people in a mask file. More values are those of smoothed edges."""
-
-_MAX_MASK_PIXELS = 64_000_000  # of the file: finding its values takes up to 18 bytes each
-_MAX_BYTES = 1_000_000_000
-"""Maximum size of all masks, at one byte per pixel."""
-
-_MODES = ("1", "L", "P", "I", "I;16", "I;16B")
-
-
-def read_masks(path: str | os.PathLike[str]) -> tuple[BoolArray, str]:
-    """Read the masks of people from an image file with one channel, such as an indexed PNG.
-
-    The pixel value 0 is background. The other values that occur are the people, in ascending order. In a grey file each
-    of them must fill 3 x 3 px somewhere: the values of smoothed edges do not, and the file is then one mask, of the
-    pixels over half of its largest value.
-
-    Returns:
-        (M, H, W) bool; and a note if the edges are smoothed, else "".
-
-    Raises:
-        InputError: the file cannot be read, is too large, has several channels, or has no value above 0.
-    """
-    source = ImageSource(str(Path(path)), path=Path(path), what="masks", formats="an indexed or grey PNG")
-    advice = "save an indexed or grey PNG: 0 for background, 1 for the first person, 2 for the second"
-    with open_image(source) as (image, _):
-        if image.mode not in _MODES:
-            raise InputError(f"cannot use the {source}: the pixels are {image.mode}, not single numbers; {advice}")
-        if image.size[0] * image.size[1] > _MAX_MASK_PIXELS:
-            raise InputError(
-                f"cannot use the {source}: it has more than {_MAX_MASK_PIXELS // 1_000_000} megapixels; give a smaller "
-                "photo with masks of its size"
-            )
-        decode(image, source)
-        values = np.asarray(image)
-        is_indexed = image.mode == "P"
-    people = np.unique(values[values > 0])
-    if not len(people):
-        raise InputError(f"cannot use the {source}: every pixel is 0, the background; {advice}")
-    if len(people) > _MAX_MASKS or (len(people) > 1 and not is_indexed and len(_filled(values)) < len(people)):
-        note = f"the masks have smoothed edges ({len(people)} grey levels): one person, of the pixels over half of the "
-        return (values > people[-1] / 2)[None], f"{note}largest value"
-    if len(people) * values.size > _MAX_BYTES:
-        raise InputError(
-            f"cannot use the {source}: {len(people)} masks of {values.shape[1]} x {values.shape[0]} px take "
-            f"{len(people) * values.size / 1e9:.1f} GB; give a smaller photo with masks of its size, or fewer people"
-        )
-    return np.stack([values == value for value in people]), ""
-
-
-def _filled(values: Any) -> Any:
-    """Return the values above 0 that fill 3 x 3 px somewhere in an image (H, W)."""
-    import cv2
-
-    square, numbers = np.ones((3, 3)), values.astype(np.float32)
-    flat = cv2.erode(numbers, square) == cv2.dilate(numbers, square)
-    return np.unique(values[flat & (values > 0)])
 
 
 def check_prompt(prompt: PeoplePrompt, width: int, height: int) -> PeoplePrompt:

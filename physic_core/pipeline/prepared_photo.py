@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.io.people_prompt import check_prompt, read_masks, resize_prompt
+from physic_core.io.people_prompt import check_prompt, resize_prompt
 from physic_core.io.photo import Photo, limit_size
 from physic_core.pipeline.border import Border, cut_border, find_inside, limit_inside
 from physic_core.types import CameraTrust, Intrinsics, KnownSizes, Lens, PeoplePrompt
@@ -68,8 +68,9 @@ def prepare_photo(
     else:
         photo, inside = limit_inside(photo, inside, settings.max_side)
     height, width = photo.image.shape[:2]
-    prompt, note = _prompt(people, settings, file_size, (width, height))
-    photo = replace(photo, notes=(*photo.notes, note)) if note else photo
+    if people is None and (settings.person or settings.box):
+        people = PeoplePrompt(settings.person, settings.box)
+    prompt = None if people is None else resize_prompt(check_prompt(people, *file_size), file_size, (width, height))
     sizes = settings.known_sizes(known).resized(width / file_size[0], height / file_size[1])
     if inside is not None:
         corner, border = np.array([inside[1].start, inside[0].start]), Border(photo.image, inside)
@@ -92,27 +93,6 @@ def _with_camera(photo: Photo, settings: PhotoSettings) -> Photo:
     else:
         return photo
     return replace(photo, intrinsics=given.resized(width, height))
-
-
-def _prompt(
-    people: PeoplePrompt | None, settings: PhotoSettings, file_size: tuple[int, int], size: tuple[int, int]
-) -> tuple[PeoplePrompt | None, str]:
-    """Return the user's choice of people, px of the image to reconstruct, None for all people; and a note, or "".
-
-    Args:
-        people: in px of the upright file; the config's choice if None.
-        settings: of the config.
-        file_size: width and height of the upright file, px.
-        size: width and height of the image to reconstruct, px.
-    """
-    is_set = settings.person or settings.box or settings.masks
-    if people is None and not is_set:
-        return None, ""
-    note = ""
-    if people is None:
-        masks, note = (None, "") if settings.masks is None else read_masks(settings.masks)
-        people = PeoplePrompt(settings.person, settings.box, masks)
-    return resize_prompt(check_prompt(people, *file_size), file_size, size), note
 
 
 def undistort(

@@ -13,7 +13,6 @@ from PIL import Image, ImageFile, PngImagePlugin
 from fuzzing.lost_data import KINDS, PHOTO, cut, encoded, picture_start, pixels, zeros
 from physic_core.errors import InputError
 from physic_core.files.image_file import MAX_SCANS
-from physic_core.io.people_prompt import read_masks
 from physic_core.io.photo import read_photo
 
 JPEGS = [kind for kind, (name, _) in KINDS.items() if name == "JPEG"]
@@ -79,17 +78,6 @@ def test_a_damaged_pillow_image_is_refused():
     data = cut(encoded("baseline"), 20_000)
     with Image.open(io.BytesIO(data)) as image:
         assert message_of(image) == damaged("given as a PIL image")
-
-
-def test_damaged_masks_are_refused(tmp_path):
-    numbers = np.random.default_rng(0).integers(0, 3, (300, 400), np.uint8)
-    file = io.BytesIO()
-    Image.fromarray(numbers).save(file, "PNG")
-    (tmp_path / "masks.png").write_bytes(file.getvalue())
-    assert len(read_masks(tmp_path / "masks.png")[0]) == 2
-    (tmp_path / "masks.png").write_bytes(cut(file.getvalue(), 10_000))
-    with pytest.raises(InputError, match="its data are damaged or truncated"):
-        read_masks(tmp_path / "masks.png")
 
 
 HARMLESS = {

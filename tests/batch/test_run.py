@@ -244,7 +244,7 @@ def test_settings_of_one_photo_do_that_photo_anew(tmp_path: Path, out: Path):
     assert todo(job, table) == ["b"]
 
 
-FILES = {"masks": "masks.png", "depth": "depth.npy", "pointmap": "points.npy"}
+FILES = {"depth": "depth.npy", "pointmap": "points.npy"}
 
 
 @pytest.mark.parametrize(

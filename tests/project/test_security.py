@@ -15,7 +15,7 @@ PAGE = (ROOT / "SECURITY.md").read_text(encoding="utf-8")
 
 TABLES = {
     "What cannot run code": {
-        "a photo, a file of masks": "test_an_unusable_file_is_refused_with_its_path_and_the_reason",
+        "a photo": "test_an_unusable_file_is_refused_with_its_path_and_the_reason",
         "a result folder (`Reconstruction.load`)": "test_a_pickle_in_the_arrays_is_not_opened",
         "an SMPL-X, SMPL or MANO file": "test_no_pickle_calls_anything test_a_smplx_file_is_read_without_unpickling",
         "a checkpoint of `physic-human` (`.pt`, `.ckpt`), without `trust_checkpoint`": "is_read_only_if_trusted",
@@ -29,7 +29,7 @@ TABLES = {
     },
     "Limits of what is read": {
         "a setting": "test_every_setting_is_bounded",
-        "a photo, a file of masks": "test_decoding_the_largest_image_of_each_format",
+        "a photo": "test_decoding_the_most_pixels_of_each_format",
         "a photo, in a worker of `physic batch` or `physic serve`": "test_a_worker_takes_no_more_memory",
         "a JPEG": "test_the_number_of_scans_is_bounded",
         "arrays in a result, an archive or the cache": "test_arrays_of_more_than_4_gb_are_refused",

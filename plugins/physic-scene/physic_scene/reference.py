@@ -164,7 +164,7 @@ def solve_reference(given: ReferenceInput, config: Config) -> Reconstruction:
     plan = resolve(plain, backends)
     own = replace(plan, given_engine=with_other_views(plan.engine, given.alone))
     prompt = None
-    if config.photo.person or config.photo.box or config.photo.masks:
+    if config.photo.person or config.photo.box:
         prompt = PeoplePrompt(masks=np.stack([person.mask for person in given.result.people]))
     with Pipeline(own) as pipeline:
         found = pipeline(given.result.image, intrinsics=given.camera, people=prompt, complete=given.complete)
