@@ -190,7 +190,7 @@ def _import_target(offer: Offer, title: str) -> object:
         kind, advice = BackendError, ""
         if offer.distribution == _IN_CONFIG:
             if isinstance(cause, ModuleNotFoundError):
-                advice = "; of the folder of a config that module alone is imported: put others into PYTHONPATH"
+                advice = "; beside a config, only the module that it names is found: put others into PYTHONPATH"
             if found is not None or _is_not_found(module, cause):
                 kind = BackendNotFoundError
         raise kind(f"{title} cannot be imported: {describe_error(cause, module)}{advice}") from cause

@@ -178,7 +178,7 @@ def test_a_class_that_is_called_but_is_no_backend_is_refused():
 @pytest.mark.parametrize(
     ("target", "source", "expected"),
     [
-        ("no_such_module:C", "", "put no_such_module.py beside the config"),
+        ("no_such_module:C", "", "beside a config, only the module that it names is found"),
         ("json:Nothing", "", "no attribute 'Nothing'"),
         ("my_failing_module:C", "import sys; sys.exit(3)", "SystemExit: 3 (my_failing_module.py:1)"),
         ("my_failing_module:C", "import no_such_module", "'no_such_module' (my_failing_module.py:1)"),

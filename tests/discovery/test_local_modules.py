@@ -128,7 +128,7 @@ def test_what_lies_beside_the_module_is_not_found(tmp_path: Path):
     (folder / "own_depth.py").write_text("import own_helper\n" + DEPTH)
     with pytest.raises(BackendError) as caught:
         kind(file)
-    assert "No module named 'own_helper' (own_depth.py:1); of the folder of a config that module" in str(caught.value)
+    assert "No module named 'own_helper' (own_depth.py:1); beside a config, only the module" in str(caught.value)
     assert "own_depth" not in sys.modules
 
 
