@@ -192,6 +192,14 @@ def _row(line: bytes) -> dict[str, Any] | None:
     return found if all(isinstance(found.get(name), str) for name in _ALWAYS) else None
 
 
+def all_columns() -> tuple[str, ...]:
+    """Return the columns that tables can have: those of the journal, then the numbers of all results."""
+    from physic_core.pipeline.checks import CHECKS
+    from physic_core.types.results import SUMMARY_KEYS
+
+    return tuple(dict.fromkeys((*COLUMNS, *SUMMARY_KEYS, *(f"check_{name}" for name in CHECKS))))
+
+
 def check_tables(out: Path) -> None:
     """Raise OutputError if a table of a batch would replace a file that PhySIC has not written."""
     check_own(out / _TABLE, mark=_MARK)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
-from physic_core.batch.journal import COLUMNS
+from physic_core.batch.journal import COLUMNS, all_columns
 from physic_core.batch.photos import PhotoItem, photo_of_row
 from physic_core.batch.process import prepare_job
 from physic_core.errors import ConfigError
@@ -113,16 +113,13 @@ def _set_checkpoint(dataset: ray.data.Dataset, folder: str, resources: Resources
 
 def schema_of_rows() -> pa.Schema:
     """Return the schema of rows: columns of the journal, then the numbers of all results."""
-    from physic_core.pipeline.checks import CHECKS
-    from physic_core.types.results import SUMMARY_KEYS
 
     def kind(name: str) -> pa.DataType:
         if name in _INTEGERS:
             return pa.int64()
         return pa.string() if name in COLUMNS and name not in _NUMBERS else pa.float64()
 
-    numbers = (*SUMMARY_KEYS, *(f"check_{name}" for name in CHECKS))
-    return pa.schema([(name, kind(name)) for name in dict.fromkeys((*COLUMNS, *numbers))])
+    return pa.schema([(name, kind(name)) for name in all_columns()])
 
 
 class TableActor:
