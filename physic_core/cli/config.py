@@ -88,53 +88,25 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
 
 @config.command("show")
 @_source_arguments
-@click.option("--all", "with_defaults", is_flag=True, help="Also print the default values of backends and engine.")
-def show_config(file: Path | None, preset: str | None, overrides: tuple[str, ...], with_defaults: bool) -> None:
+def show_config(file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> None:
     """Print the resolved configuration of FILE and the source of each value."""
     from physic_core.configuration.model import load_config
 
-    echo(config_toml(load_config(file, preset=preset, overrides=overrides), with_defaults=with_defaults), nl=False)
+    echo(config_toml(load_config(file, preset=preset, overrides=overrides)), nl=False)
 
 
-def config_toml(found: Config, *, with_defaults: bool = False) -> str:
-    """Format a configuration as TOML, with the source of each value as a comment.
-
-    Args:
-        found: the configuration.
-        with_defaults: whether to add all options of the backends and all settings of the engine.
-
-    Raises:
-        ConfigError: names or options are invalid; the message lists all errors.
-    """
-    tables, default_sources = found.as_dict(), dict[str, str]()
-    if with_defaults:
-        from dataclasses import asdict
-
-        from physic_core.configuration.resolve import resolve
-
-        plan = resolve(found)
-        for name, chosen in plan.backends.items():
-            who = chosen.provenance
-            tables[name]["options"] = dict(who.options)
-            default_sources[f"{name}.options"] = f"default of {who.distribution} {who.version}".rstrip()
-        for stage in ("scene", "placement", "joint", "contact"):
-            tables["engine"][stage] = asdict(getattr(plan.engine, stage))
-            default_sources[f"engine.{stage}"] = f"engine preset {found.engine.preset}"
-
-    def note(path: str) -> str:
-        label = found.source(path)
-        above = next((words for start, words in default_sources.items() if path.startswith(f"{start}.")), label)
-        return f"  # {above if label == 'default' else label}"
-
-    return "\n".join(line for name, table in tables.items() for line in _table(name, table, note)).lstrip("\n") + "\n"
+def config_toml(found: Config) -> str:
+    """Format a configuration as TOML, with the source of each value as a comment."""
+    lines = [line for name, table in found.as_dict().items() for line in _table(name, table, found.source)]
+    return "\n".join(lines).lstrip("\n") + "\n"
 
 
-def _table(path: str, table: Mapping[str, Any], note: Callable[[str], str]) -> list[str]:
+def _table(path: str, table: Mapping[str, Any], source: Callable[[str], str]) -> list[str]:
     inner = {key: value for key, value in table.items() if isinstance(value, dict) and value}
     lines = [
-        f"{key} = {toml_value(value)}{note(f'{path}.{key}')}"
+        f"{key} = {toml_value(value)}  # {source(f'{path}.{key}')}"
         for key, value in table.items()
         if value is not None and not isinstance(value, dict)  # TOML cannot express None
     ]
-    below = [line for key, value in inner.items() for line in _table(f"{path}.{key}", value, note)]
+    below = [line for key, value in inner.items() for line in _table(f"{path}.{key}", value, source)]
     return [*(["", f"[{path}]", *lines] if lines else []), *below]

@@ -295,16 +295,6 @@ def test_show_says_where_each_value_is_from():
 
 
 @pytest.mark.parametrize("preset", preset_names())
-def test_show_all_prints_toml_that_comes_to_the_same_settings(preset: str):
-    config = load_config(preset=preset, overrides=["engine.joint.optimiser.steps=40"])
-    printed = tomllib.loads(config_toml(config, with_defaults=True))
-    again = load_config(flags={"shown": printed})
-    assert again.engine.settings() == config.engine.settings()
-    before, after = (resolve(c).backends for c in (config, again))
-    assert {k: b.provenance for k, b in after.items()} == {k: b.provenance for k, b in before.items()}
-
-
-@pytest.mark.parametrize("preset", preset_names())
 def test_init_writes_the_preset_as_it_is_and_uncommented(preset: str):
     done = physic("config", "init", "--preset", preset)
     assert done.stdout == "wrote physic.toml; try: physic run PHOTO --config physic.toml\n"
