@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import base64
-import html
 import io
 import json
 import os
-import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from itertools import islice
 from pathlib import Path
@@ -58,34 +56,30 @@ def write_contact_sheet(out: Path, results: Sequence[Path] = (), limit: int = _M
         hidden = sum(1 for _ in rows)
         above = _common_folder([str(row.get("path", "")) for row in shown])
         cards = [_photo_card(out, row, above) for row in shown]
-        folders = [str(row.get("folder", "")) for row in shown]
     else:
         cards = [_result_card(check_writable(out), result) for result in results[:limit]]
-        hidden, folders = max(0, len(results) - limit), [card["title"] for card in cards]
-    page = contact_sheet(cards, hidden, _command_for_missing_pages(out, folders))
+        hidden = max(0, len(results) - limit)
+    page = contact_sheet(cards, hidden)
     with atomic_write(out) as temporary:
         temporary(_FILE).write_text(page, encoding="utf-8")
     return out / _FILE
 
 
-def contact_sheet(cards: Sequence[Mapping[str, Any]], hidden: int = 0, command: str = "") -> str:
+def contact_sheet(cards: Sequence[Mapping[str, Any]], hidden: int = 0) -> str:
     """Return the page.
 
     Args:
         cards: of photos: name (its id), title, link, thumbnail (base64 JPEG), state, error, message, grade, people,
             checks.
         hidden: number of photos that are not on the page; the page states it.
-        command: that writes the pages of results that have none; "" if there are none.
     """
     from physic_core.pipeline.checks import CHECKS
 
-    notes = [f"{hidden:,} more photos are in the summary table only."] if hidden else []
-    if command:
-        notes.append(f"Some results have no page in 3D yet. To write them: {command}")
+    note = f'<p class="soft">{hidden:,} more photos are in the summary table only.</p>' if hidden else ""
     labels = {spec.name: spec.label for spec in CHECKS.values()}
     page = (files("physic_core.batch") / "contact_sheet.html").read_text(encoding="utf-8")
-    page = page.replace("@NOTE@", "\n  ".join(f'<p class="soft">{html.escape(note)}</p>' for note in notes))
-    return page.replace("@LABELS@", _script_json(labels)).replace("@DATA@", _script_json(list(cards)))
+    page = page.replace("@NOTE@", note).replace("@LABELS@", _script_json(labels))
+    return page.replace("@DATA@", _script_json(list(cards)))
 
 
 def find_results(folder: Path) -> list[Path]:
@@ -109,17 +103,6 @@ def _result_link(out: Path, folder: str) -> str:
         return ""
     names = (name for name in (REPORT_FILE, PREVIEW_FILE) if (out / folder / name).is_file())
     return f"{folder}/{next(names, '')}"
-
-
-def _command_for_missing_pages(out: Path, folders: Iterable[str]) -> str:
-    """Return the command that writes the pages of results; "" if every loadable result has a page.
-
-    Args:
-        out: folder of all results.
-        folders: of the results, relative to ``out``.
-    """
-    missing = any((out / f / ARRAYS_FILE).is_file() and not (out / f / REPORT_FILE).is_file() for f in folders if f)
-    return f"physic report {shlex.quote(out.name)} --each" if missing else ""
 
 
 def _script_json(value: Any) -> str:

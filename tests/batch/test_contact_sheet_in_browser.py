@@ -29,7 +29,7 @@ def page(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
     path: Path = tmp_path_factory.mktemp("sheet") / "contact-sheet.html"
     cards = [card(number, grade) for number, grade in enumerate(GRADES)]
     cards[1]["checks"] = ["limb_keypoints"]
-    path.write_text(contact_sheet(cards, 3, "physic report out --each"), encoding="utf-8")
+    path.write_text(contact_sheet(cards, 3), encoding="utf-8")
     page = chromium.open(path.as_uri(), 960, 480)
     page.wait("document.getElementById('count').textContent")
     yield page
@@ -56,7 +56,6 @@ def test_totals_and_notes_stand_above_the_photos(page: Any):
     assert text(page, "#totals").split("\n") == ["2 good", "1 doubtful", "1 bad", "1 failed"]
     assert text(page, "#count") == "5 photos"
     assert "3 more photos are in the summary table only." in text(page, "header")
-    assert "To write them: physic report out --each" in text(page, "header")
     assert "Failed: Limbs off their keypoints" in page.evaluate("document.querySelector('main').textContent")
 
 
