@@ -15,7 +15,7 @@ from physic_core.engine.contact.problem import ContactInput
 from physic_core.engine.contact.scene_parts import ClassifiedPoints
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.placement.place import ObservedPeople
-from physic_core.engine.placement.solve import EstimatedBodies, PhotoPoints, PlacementInput
+from physic_core.engine.placement.solve import EstimatedBodies, PhotoPoints
 from physic_core.engine.scene.method import Cameras
 from physic_core.engine.scene.solve import SceneInput
 from physic_core.geometry.camera import project
@@ -138,23 +138,6 @@ def sized_scene(estimates: Estimates, masks: Tensor, scene: SceneState) -> Known
     people = len(estimates.people)
     statures = [math.nan] * people if estimates.statures is None else estimates.statures.tolist()
     return scale_scene_to_known_sizes(estimates.known, statures, masks, scene)
-
-
-def placement_input(given: EngineInput, scene: SceneState, known: KnownScene | None) -> PlacementInput:
-    """Return the input of stage 2.
-
-    Args:
-        scene: of stage 1, in the size of ``known``.
-        known: see :func:`sized_scene`.
-    """
-    return PlacementInput(
-        scene=scene,
-        photo=given.photo,
-        bodies=given.bodies,
-        detections=given.detections,
-        known=known,
-        stance=given.stance,
-    )
 
 
 def joint_problem(

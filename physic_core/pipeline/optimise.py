@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING
 
 from physic_core.engine.contact.solve import solve_contact
 from physic_core.engine.joint.solve import finalize_scene, optimize
-from physic_core.engine.placement.solve import solve_placement
+from physic_core.engine.placement.solve import PlacementInput, solve_placement
 from physic_core.engine.scene.solve import solve_scene
 from physic_core.pipeline.engine_input import (
     contact_input,
     engine_input,
     joint_problem,
-    placement_input,
     sized_scene,
 )
 from physic_core.pipeline.solution import Solution, assemble_solution, scene_alone
@@ -44,7 +43,8 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
     if not len(estimates.people):
         return scene_alone(estimates, scene, model, scale_sigma)
     with stages.time_engine("placement"):
-        placed = solve_placement(placement_input(given, scene, known), settings.placement)
+        where = PlacementInput(scene, given.photo, given.bodies, given.detections, known, given.stance)
+        placed = solve_placement(where, settings.placement)
         if known is not None:
             from physic_core.pipeline.known_sizes import check_placed_people
 

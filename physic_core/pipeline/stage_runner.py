@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, cast
 
 from physic_core import errors
 from physic_core.adapters.devices import check_device
-from physic_core.cache.results import network_results_in
+from physic_core.cache.results import canonicalize, network_results_in
 from physic_core.configuration.resolve import resolve_one
 from physic_core.discovery.plugin_code import plugin_code, plugin_error
 from physic_core.errors import BackendError, BackendOutputError, PhysicError
@@ -125,7 +125,7 @@ class StageRunner:
                     message = f"{title} returned what the interface does not allow:\n  "
                     raise BackendOutputError(message + "\n  ".join(found))
                 with wrap_plugin_errors(title, resolved):
-                    result = _copy(result)
+                    result = canonicalize(result)  # the backend may write to its arrays later
             seconds, failed = time.perf_counter() - start, False
             if key is not None and not cached:
                 assert self.cache is not None
@@ -192,13 +192,6 @@ class StageRunner:
             self.cache.discard(key, found[0])
             return None
         return result
-
-
-def _copy(result: object) -> object:
-    """Return a copy of a result, since the backend may write to its arrays later."""
-    from physic_core.cache.results import canonicalize
-
-    return canonicalize(result)
 
 
 def _print_traceback(error: Exception) -> None:
