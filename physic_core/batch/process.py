@@ -255,7 +255,9 @@ def prepare_job(
     """
     if save not in (*SAVE, "none"):
         raise ConfigError(f"what to save is one of {', '.join(SAVE)}, none (got '{save}')")
-    settings = batch_config(as_config(config), cache=cache)
+    chosen = as_config(config)
+    resolve(chosen)  # lists all errors, each with the place of its value
+    settings = batch_config(chosen, cache=cache)
     require_available(resolve(settings))
     folder = (check_writable(Path(out)) if write else Path(out)).resolve()
     return BatchJob(settings, str(folder), save, thumbnails)

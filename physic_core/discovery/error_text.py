@@ -83,11 +83,11 @@ def _package(module: str) -> str:
 
 
 def similar_names(name: str, known: Iterable[str]) -> list[str]:
-    """Return known names that contain a name, or up to three that are similar to it."""
+    """Return known names that contain a name, or the one that is most similar to it."""
     names = sorted(known)
     if len(name) >= _MIN_PART and (containing := [other for other in names if name in other]):
         return containing
-    return get_close_matches(name, names) if len(name) <= _MAX_LENGTH else []
+    return get_close_matches(name, names, n=1) if len(name) <= _MAX_LENGTH else []
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

@@ -65,7 +65,7 @@ def test_a_run_escapes_names_and_texts(pipeline: None, options: tuple[str, ...])
 
 
 def test_the_error_of_an_argument_is_escaped():
-    assert SHOWN in printed("run", f"a{TITLE}.jpg", "b.jpg", code=2)
+    assert SHOWN in printed("run", "a.jpg", f"b{TITLE}.jpg", code=2)
     assert SHOWN in printed("run", f"a{TITLE}.jpg", "--preset", "mock", code=3)
     assert SHOWN in printed("plugins", f"show{TITLE}", code=2)
 

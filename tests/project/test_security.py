@@ -29,7 +29,7 @@ TABLES = {
     },
     "Limits of what is read": {
         "a setting": "test_every_setting_is_bounded",
-        "a photo": "test_decoding_the_most_pixels_of_each_format",
+        "a photo": "test_decoding_the_largest_image_of_each_format",
         "a photo, in a worker of `physic batch` or `physic serve`": "test_a_worker_takes_no_more_memory",
         "a JPEG": "test_the_number_of_scans_is_bounded",
         "arrays in a result, an archive or the cache": "test_arrays_of_more_than_4_gb_are_refused",

@@ -108,7 +108,7 @@ def test_a_path_of_the_users_own_is_taken_as_it_is(lists: Any, tmp_path: Path):
         ("/no/such", None, "no file or folder /no/such"),
         ("such.onnx", None, "no file or folder such.onnx"),
         ("nett", None, "no weight set, file or folder is named 'nett'. Did you mean 'net'?"),
-        ("x", None, "no weight set, file or folder is named 'x'. There are: net."),
+        ("x", None, "no weight set, file or folder is named 'x'; there are: net"),
         (" ", None, "the option weights is empty: set it to a name of `physic weights list`, or to a path"),
         ("{tmp}", "model.onnx", "no file model.onnx in the folder {tmp}"),
     ],

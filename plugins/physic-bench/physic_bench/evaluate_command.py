@@ -193,6 +193,7 @@ def _config(given: _Given) -> Config:
     from physic_core.configuration.resolve import require_available, resolve
 
     config = load_config(given.config, preset=given.preset, overrides=given.overrides)
+    resolve(config)
     config = batch_config(config, cache=False)
     require_available(resolve(config))
     return config
