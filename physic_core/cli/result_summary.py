@@ -16,7 +16,7 @@ from physic_core.io.result_folder import REPORT_FILE
 from physic_core.io.results import PersonRecord, ResultRecord, read_record
 from physic_core.types import CheckResult, summarize_checks
 from physic_core.types.contacts import part_words
-from physic_core.types.person_rows import distance_m, metres_text
+from physic_core.types.results import distance_m, metres_text
 
 _HEAD = ("person", "grade", "distance", "likely contact", "why")
 _MIN_WIDTH = 30  # characters of the last column, on a narrow terminal

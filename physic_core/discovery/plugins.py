@@ -233,8 +233,7 @@ def find_exporter(name: str | None, suffix: str = "") -> Found[ExporterRecord]:
     if found:
         offers = " or ".join(f"{each.record.name} of {each.distribution}" for each in found)
         raise InputError(f"the format can be {offers}: state which (--to, or format= in Python), or uninstall one")
-    if wanted in EXPORTERS:
-        raise InputError(f"the export format '{wanted}' needs {explain_absence(EXPORTERS[wanted])}")
-    names = dict.fromkeys((*(each.record.name for each in exporters), *EXPORTERS))
+    known = ", ".join(each.record.name for each in exporters)
+    choose = "; ".join((f"choose one of {known}", *missing_formats(exporters)))
     what = f"'{name or suffix}' is no export format" if name or suffix else "the path has no suffix"
-    raise InputError(f"{what}: choose one of {', '.join(names)} (--to, or format= in Python)")
+    raise InputError(f"{what}: {choose} (--to, or format= in Python)")

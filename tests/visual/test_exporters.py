@@ -102,11 +102,14 @@ def test_a_format_that_two_plugins_offer_is_refused(plugin: Any):
             find_exporter(*wanted)
 
 
-def test_a_format_of_a_missing_distribution_names_it(monkeypatch: pytest.MonkeyPatch, saved_pair: Path):
+@pytest.mark.parametrize("arguments", [("--to", "bvh"), ("-o", "a.usdz")])
+def test_an_unknown_format_names_the_missing_distribution_with_more_formats(
+    monkeypatch: pytest.MonkeyPatch, saved_pair: Path, arguments: tuple[str, ...]
+):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
-    done = physic("export", saved_pair, "--to", "bvh")
+    done = physic("export", saved_pair, *arguments)
     assert done.exit_code == 3
-    assert "the export format 'bvh' needs physic-export, which is not installed" in done.output
+    assert "choose one of glb; further formats are in physic-export, which is not installed" in done.output
 
 
 def test_without_plugins_the_core_writes_glb(monkeypatch: pytest.MonkeyPatch, saved_pair: Path, tmp_path: Path):
