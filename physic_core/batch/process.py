@@ -93,7 +93,7 @@ _MAX_MESSAGE = 5000
 
 @dataclass(frozen=True)
 class BatchJob:
-    """What a batch does with each photo; it can be pickled.
+    """Configuration and outputs of a batch, the same for each photo; it can be pickled.
 
     Attributes:
         config: of the pipeline; see :func:`physic_core.batch.process.batch_config`.

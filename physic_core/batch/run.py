@@ -31,7 +31,7 @@ _NEEDED = ("state", "config", "save", "files", "result", "photo", "bytes", "modi
 
 @dataclass(frozen=True)
 class BatchPlan:
-    """What is to be done of a batch.
+    """Photos of a batch that are to be done, and counts of the others.
 
     Attributes:
         todo: photos without a valid row in the journal.
@@ -166,7 +166,7 @@ _LOCAL = "local"
 
 @dataclass(frozen=True)
 class ExecutorSettings:
-    """How an executor runs the photos of a batch.
+    """Settings with which an executor runs the photos of a batch.
 
     Attributes:
         workers: number of processes or actors; None lets the executor choose.

@@ -111,7 +111,7 @@ class Outcome(Generic[Task]):
 
 @dataclass(frozen=True)
 class WorkerSettings:
-    """How workers are run.
+    """Number, time limit and logs of the workers.
 
     Attributes:
         count: number of processes; a function gets the peak memory, MB, of the first worker after its first task.

@@ -33,7 +33,7 @@ def config_error(problems: Iterable[Problem], source: Callable[[str], str]) -> C
 def problems_from_pydantic(
     error: ValidationError, model: type[BaseModel], path: str = "", kind: str = "key"
 ) -> list[Problem]:
-    """Convert a validation error of pydantic; its messages are kept.
+    """Convert a validation error of pydantic to problems with the same messages.
 
     Args:
         error: the exception.

@@ -1,9 +1,9 @@
-"""Where the floor is: a few planes, each with a score, so that evidence moves the answer instead of switching it.
+"""Find the floor among a few planes, each with a score, so that evidence moves the answer instead of switching it.
 
 Candidates are planes through the floor masks of the segmenter, the pixels labelled as floor, the lower part of the
 image, its horizontal surfaces, and the soles of people. All are scored on the same pixels, and compared with no floor
-at all. What feet say of each plane depends on the scale: :func:`physic_core.engine.sizes.vote_on_scale` adds it. OpenCV
-camera frame, any unit.
+at all. The evidence of feet depends on the scale, and is added by
+:func:`physic_core.engine.sizes.scale_vote.vote_on_scale`. OpenCV camera frame, any unit.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ _LEVEL_COSINE = math.cos(math.radians(25.0))  # least cosine between up and the 
 
 @dataclass(frozen=True)
 class FloorEvidence:
-    """What a photo shows of its floor.
+    """Evidence of a photo about its floor.
 
     Attributes:
         mask: (H, W) bool, pixels that a segmenter takes for the floor, or None.
@@ -207,7 +207,7 @@ def _pixel_score(view: InverseDepthMap, plane: Tensor, pixels: _Pixels) -> float
 
 
 def standing_score(normal: Tensor, joints: Tensor) -> float:
-    """Return what people (N, 55, 3) say of a floor with a normal (3,), nats: the straight ones stand upright on it.
+    """Return the score of a floor with a normal (3,) by people (N, 55, 3), nats: straight people stand upright on it.
 
     The camera axis that points up distinguishes people who lie straight from people who stand.
     """
@@ -220,7 +220,7 @@ def standing_score(normal: Tensor, joints: Tensor) -> float:
 
 
 def _gravity_score(normal: Tensor, normals: Tensor | None) -> float:
-    """Return what gravity says of a floor with a normal (3,), nats: by the camera and by the surfaces of the scene."""
+    """Return the score of a floor with a normal (3,) by gravity, nats: from the camera and from surfaces."""
     x, y, z = (float(v) for v in normal)
     roll, pitch = math.degrees(math.atan2(x, -y)), math.degrees(math.atan2(-z, math.hypot(x, y)))
     score = _robust(roll / _ROLL_SIGMA_DEG) + _robust(pitch / _PITCH_SIGMA_DEG)

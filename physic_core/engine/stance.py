@@ -1,4 +1,4 @@
-"""Whether feet touch something, and what the picture shows beside feet, hands and seat, before people are placed.
+"""Touch of feet, and depth beside feet, hands and seat, from the picture before people are placed.
 
 A foot that is much higher than the other one in the picture is in the air or farther away. A person who raises both
 arms and points the toes down probably hangs. A part of the body and what it touches have the same depth, so the depth
@@ -62,15 +62,15 @@ _WRONG_GAPS = 6.0  # range of their gaps
 
 @dataclass(frozen=True)
 class Stance(ShortRepr):
-    """What a picture shows of the touch of N people; feet and hands are left and right.
+    """Evidence of a picture for the touch of N people; feet and hands are left and right.
 
     Attributes:
         lower: (N, 2) how much lower the foot is than the other one in the picture, in lengths of the trunk; NaN
             where unknown.
         hanging: (N,) posture of people who hang, from 0 to 1: both arms raised, and toes that point down; 0 where
             unknown.
-        beside: (N, 5) smallest difference of the logarithm of depth between feet, hands and seat and what the picture
-            shows beside each of them, below the thighs for the seat; NaN where unknown.
+        beside: (N, 5) smallest difference of the logarithm of depth between feet, hands and seat and the picture beside
+            each of them, below the thighs for the seat; NaN where unknown.
         stands: (N, 2) probability that the foot stands on the floor; only a prior if no floor was found.
     """
 

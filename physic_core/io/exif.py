@@ -42,7 +42,7 @@ _EDITORS = re.compile(
 
 
 def swaps_sides(orientation: int) -> bool:
-    """Whether an EXIF orientation (1-8) swaps width and height."""
+    """Return whether an EXIF orientation (1-8) swaps width and height."""
     return orientation in (5, 6, 7, 8)
 
 

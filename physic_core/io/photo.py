@@ -241,7 +241,7 @@ def _frame_notes(image: Image.Image) -> tuple[str, ...]:
 
 
 def _is_deep(image: Image.Image) -> bool:
-    """Whether the file has 16 bits per channel; Pillow keeps these only for grey images."""
+    """Return whether the file has 16 bits per channel, which Pillow keeps only for grey images."""
     if image.mode.startswith("I"):
         return True
     tiles = getattr(image, "tile", None) or ()

@@ -216,7 +216,7 @@ def run_of_result(folder: str | os.PathLike[str]) -> str:
 
 
 def same_photo(one: str, other: str) -> bool:
-    """Whether two results have a photo in common, by the digests of their photos, separated by spaces."""
+    """Return whether two results have a photo in common, by the digests of their photos, separated by spaces."""
     return one == other or not set(one.split()).isdisjoint(other.split())
 
 
@@ -324,5 +324,5 @@ def add_report(folder: str | os.PathLike[str], reconstruction: Reconstruction | 
 
 
 def is_result(folder: str | os.PathLike[str]) -> bool:
-    """Whether a folder has a result, valid or not."""
+    """Return whether a folder has a result, valid or not."""
     return os.path.isfile(os.path.join(folder, DOCUMENT_FILE))

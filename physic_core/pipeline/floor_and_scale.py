@@ -71,7 +71,7 @@ class FloorAndScale:
 
 
 def floor_evidence(people: People, hole: BoolArray, keypoints: Keypoints) -> FloorEvidence:
-    """Return what the segmenter and the feet say of the floor."""
+    """Return the evidence of segmenter and feet about the floor."""
     from physic_core.engine.floor import FloorEvidence
     from physic_core.geometry.tensors import optional_tensors
 

@@ -1,4 +1,4 @@
-"""Compare what the user knows of sizes with people placed in the scene, and with the result."""
+"""Compare the sizes that the user knows with people placed in the scene, and with the result."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def compare_sizes(
     *,
     is_sized: bool,
 ) -> tuple[list[str], Solution]:
-    """Compare what the user knows with the result; return warnings, and the solution with the comparison.
+    """Compare the known sizes with the result; return warnings, and the solution with the comparison.
 
     Args:
         scene: before the factor ``result.scene_scale``.

@@ -1,4 +1,4 @@
-"""What a body touches, by body part, and what carries a person."""
+"""Contacts of a body by body part, and the support of a person."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ _HIDDEN_BELOW = {
 
 
 class SupportState(StrEnum):
-    """How a person is carried."""
+    """Kind of support of a person."""
 
     BALANCED = "balanced"
     """The centre of mass is over contacts with floor, scene or other people."""

@@ -78,7 +78,7 @@ class DepthMap(ShortRepr):
 
 @dataclass(frozen=True)
 class SceneScale(ShortRepr):
-    """How to convert a relative depth Z' to metres: 1 / Z = (1 / Z' + shift) / scale.
+    """Conversion of a relative depth Z' to metres: 1 / Z = (1 / Z' + shift) / scale.
 
     Attributes:
         scale: metres per unit of the relative scene.

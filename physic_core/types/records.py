@@ -68,7 +68,7 @@ class CheckState(StrEnum):
 
 
 class Grade(StrEnum):
-    """How far a result can be trusted, by its self-checks; docs/checks.md says how often each grade is right."""
+    """Reliability of a result by its self-checks; docs/checks.md states how often each grade is right."""
 
     GOOD = "good"
     """All checks that the grade needs were measured and are ok."""

@@ -202,7 +202,7 @@ class Reconstruction(ShortRepr):
 
     @property
     def distance_sigmas(self) -> tuple[float | None, ...]:
-        """The same of each person's distance from the camera, by the larger error of scale and stature; None where no
+        """The same for each person's distance from the camera, by the larger error of scale and stature; None where no
         error is stated."""
         own = (person.stature_sigma for person in self.people)
         known = ([sigma for sigma in (one, self.scene.scale_sigma) if sigma is not None] for one in own)

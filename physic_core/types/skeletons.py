@@ -146,7 +146,7 @@ thumb, index, middle, ring and pinky, each from base to tip: the order of OpenPo
 
 
 def is_finger(name: str) -> bool:
-    """Whether a point is a joint or the tip of a finger, by its name ("left_index1", "right_thumb_tip")."""
+    """Return whether a point is a joint or the tip of a finger, by its name ("left_index1", "right_thumb_tip")."""
     finger = name.removeprefix("left_").removeprefix("right_")
     return finger.startswith(_FINGERS) and (finger[-1].isdigit() or finger.endswith("_tip"))
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from physic_core.weights.manifest import WeightSet
 
 NON_COMMERCIAL = re.compile(r"non-?commercial|-NC\b|research only|AMLR", re.IGNORECASE)
-"""Words by which the name of a licence tells that it forbids commercial use."""
+"""Words in the name of a licence that forbids commercial use."""
 
 
 @dataclass(frozen=True)
@@ -107,5 +107,5 @@ def _sets(offer: Offer) -> Mapping[str, WeightSet]:
 
 
 def _hides_its_terms(weights: WeightSet) -> bool:
-    """Return whether a licence forbids commercial use, and its name does not tell."""
+    """Return whether a licence forbids commercial use without a word for it in its name."""
     return weights.commercial is False and not NON_COMMERCIAL.search(weights.license)

@@ -83,7 +83,7 @@ def unseen_parts(given: ContactInput) -> dict[str, Tensor]:
 
 
 class NearScene(NamedTuple):
-    """Where the vertices of N people are beside the scene.
+    """Distances of N people's parts and vertices from the scene.
 
     Attributes:
         gap: (N, P) signed distance of each part of :func:`contact_parts`, metres; inf if nothing is near.

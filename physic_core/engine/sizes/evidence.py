@@ -1,4 +1,4 @@
-"""Evidence of the scale of a scene: what one observation says of it, as a logarithm with its standard deviation.
+"""Evidence of the scale of a scene: the logarithm of the scale by one observation, with its standard deviation.
 
 The sizes that the user knows are the most certain evidence, a usual size the least. Each person also gives a scale,
 with the sigma of :mod:`.stature`. Since some people are not adults, they vote in :mod:`.scale_vote`.

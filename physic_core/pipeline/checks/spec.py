@@ -1,4 +1,4 @@
-"""What a self-check is, how its value becomes a result, and how results become grades and warnings."""
+"""Registration of self-checks, their results, and grades and warnings from the results."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ moments of a rig, 0.25 and 0.15 with 3 sigmas reproject best into a photo that i
 
 @dataclass(frozen=True)
 class MomentObservations:
-    """What V photos show of P people with J keypoints.
+    """Observations of P people with J keypoints in V photos.
 
     Attributes:
         K: (V, 3, 3) px.

@@ -57,7 +57,7 @@ class OtherViews(ShortRepr):
 
 @dataclass(frozen=True)
 class ViewsScene(SceneMethod):
-    """Stage 1 of preset "default", with the floor where all photos put it."""
+    """Stage 1 of preset "default", with the floor of all photos."""
 
     views: OtherViews | None = None
     """Evidence of the other cameras."""

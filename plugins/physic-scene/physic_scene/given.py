@@ -1,4 +1,4 @@
-"""Backends that return what several photos have shown: bodies and metric depth of the reference photo."""
+"""Backends that return the solution of several photos: bodies and metric depth of the reference photo."""
 
 from __future__ import annotations
 

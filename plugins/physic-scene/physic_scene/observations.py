@@ -1,4 +1,4 @@
-"""What one photo shows of its people, as matching and camera solution use it."""
+"""Observations of one photo and its people, for matching and for the camera solution."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ class SetupStep:
 
 @dataclass(frozen=True)
 class Setup:
-    """All steps, and what they cost.
+    """All steps, and their costs.
 
     Attributes:
         steps: in their order.
@@ -227,7 +227,7 @@ def _packages(plan: ResolvedPipeline) -> SetupStep | None:
 
 
 def _torchvision(install: str) -> tuple[str, ...]:
-    """Return the commands that install torchvision in the build of the installed torch, which uv knows the index of."""
+    """Return the commands that install torchvision in the build of the installed torch; uv knows its index."""
     import torch
 
     number, _, build = torch.__version__.partition("+")
