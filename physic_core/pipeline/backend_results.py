@@ -99,7 +99,7 @@ def bodies_for_backends(bodies: Bodies, model: BodyModel) -> Bodies:
 
 
 def discard_invalid_keypoints(keypoints: Keypoints) -> tuple[Keypoints, BoolArray]:
-    """Set the confidence of people with invalid keypoints to 0.
+    """Set the confidence of people with invalid keypoints to 0, and of people with 3D points none of which was seen.
 
     Their points are replaced by those of another person, since the optimisation needs finite start points that form a
     pose.
@@ -108,6 +108,8 @@ def discard_invalid_keypoints(keypoints: Keypoints) -> tuple[Keypoints, BoolArra
         Keypoints of N people, and (N,) bool, people with invalid ones.
     """
     valid = valid_keypoint_rows(keypoints)
+    if keypoints.world is not None:
+        valid &= (keypoints.confidence > 0).any(1)
     if valid.all():
         return keypoints, ~valid
     one = int(valid.argmax())

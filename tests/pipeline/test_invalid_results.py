@@ -186,6 +186,13 @@ def test_invalid_rows_become_the_values_for_unknown() -> None:
     unseen, lost = discard_invalid_keypoints(Keypoints(points, np.zeros((3, 4)), "x"))
     assert not lost.any()
     assert unseen.points is points
+    empty = np.zeros((3, 4, 3))  # of a person no point of whom was seen
+    one_unseen, lost = discard_invalid_keypoints(
+        Keypoints(np.ones((3, 4, 2)), np.array([[0.0] * 4, [0.5] * 4, [0.5] * 4]), "x", empty + [[[0]], [[1]], [[2]]])
+    )
+    assert lost.tolist() == [True, False, False]
+    assert one_unseen.world is not None
+    np.testing.assert_array_equal(one_unseen.world[0], one_unseen.world[1])
 
     hands = Hands(np.full((2, 2, 15, 3), 0.5), np.array([[0.9, 0.0], [0.9, 0.9]]))
     hands.rotvecs[0, 1] = hands.rotvecs[1, 0] = np.nan
