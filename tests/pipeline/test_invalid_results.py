@@ -186,9 +186,9 @@ def test_invalid_rows_become_the_values_for_unknown() -> None:
     unseen, lost = discard_invalid_keypoints(Keypoints(points, np.zeros((3, 4)), "x"))
     assert not lost.any()
     assert unseen.points is points
-    empty = np.zeros((3, 4, 3))  # of a person no point of whom was seen
+    world = np.repeat(np.arange(3.0), 12).reshape(3, 4, 3)  # zeros for the first, of whom nothing was seen
     one_unseen, lost = discard_invalid_keypoints(
-        Keypoints(np.ones((3, 4, 2)), np.array([[0.0] * 4, [0.5] * 4, [0.5] * 4]), "x", empty + [[[0]], [[1]], [[2]]])
+        Keypoints(np.ones((3, 4, 2)), np.array([[0.0] * 4, [0.5] * 4, [0.5] * 4]), "x", world)
     )
     assert lost.tolist() == [True, False, False]
     assert one_unseen.world is not None
