@@ -1,8 +1,8 @@
 """GLB files: bodies with skeleton and pose, contact, scene, floor and camera; metres, y up.
 
-The scene is textured with the photo without people, and unlit, since a photo contains its own light. So are people;
-what no photo shows of them is grey. Variants of their material (KHR_materials_variants) are plain, and show contact,
-which is an attribute of their vertices too.
+The scene is textured with the photo without people, and unlit, since a photo contains its own light. So is the
+backdrop, a part of a sphere that shows what is farther. So are people; what no photo shows of them is grey. Variants of
+their material (KHR_materials_variants) are plain, and show contact, which is an attribute of their vertices too.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from physic_core.visual.palette import (
     painted_contact,
 )
 from physic_core.visual.rig import Rig, rigs
-from physic_core.visual.surface import SceneMesh, depth_limit, mesh_scene, unit_normals
+from physic_core.visual.surface import BACKDROP, SceneMesh, mesh_backdrop, mesh_scene, scene_reach, unit_normals
 from physic_core.visual.textures.dressed import dressed_bodies, dressed_images, image_of_vertices
 from physic_core.visual.textures.photo import encode_image
 
@@ -86,18 +86,20 @@ class Appearance:
 
 @dataclass(frozen=True)
 class _Background:
-    """Mesh of the scene, its texture, and the floor.
+    """Meshes of the scene, their texture, and the floor.
 
     Attributes:
         surface: in the camera frame.
-        uv: (V, 2) of each vertex, counted from the top.
+        backdrop: what is farther, see :func:`mesh_backdrop`, in the camera frame.
         jpeg: the photo without people.
+        size: width and height of this picture, px.
         floor: vertices and faces of what is drawn of it, see :func:`drawn_floor`; None without a floor.
     """
 
     surface: SceneMesh
-    uv: NDArray[np.float32]
+    backdrop: SceneMesh
     jpeg: bytes
+    size: tuple[int, int]
     floor: tuple[NDArray[np.float64], NDArray[np.int64]] | None
 
 
@@ -340,25 +342,36 @@ def _add_mesh(
 
 def textured_scene(result: Reconstruction, frame: ExportFrame) -> _Background:
     """Return mesh and texture of the scene, and its floor in a frame."""
-    surface = mesh_scene(result.scene, depth_limit(result))
-    texture, (width, height) = _power_of_two(result.scene.colors)
-    uv = ((surface.pixels + 0.5) / [width, height]).astype(np.float32)
-    return _Background(surface, uv, texture, drawn_floor(result, frame, surface))
+    surface = mesh_scene(result.scene, scene_reach(result))
+    backdrop = mesh_backdrop(result, surface)
+    return _Background(surface, backdrop, *_power_of_two(result.scene.colors), drawn_floor(result, frame, surface))
 
 
 def _add_scene(glb: GlbBuilder, background: _Background, request: ExportRequest) -> list[int]:
-    """Add the textured scene mesh, and return the index of its node; nothing if no pixels form a surface."""
-    if not len(background.surface.faces):
+    """Add the textured meshes of scene and backdrop, and return the indices of their nodes; none of an empty mesh."""
+    meshes = {"scene": background.surface, "backdrop": background.backdrop}
+    if not any(len(mesh.faces) for mesh in meshes.values()):
         return []
     _use(glb, "KHR_materials_unlit")
     photo = body_material("photo", texture=glb.texture(background.jpeg, "image/jpeg", "photo"))
-    photo |= {"doubleSided": True, "extensions": {"KHR_materials_unlit": {}}}
-    vertices = transform_points(request.frame.from_camera, background.surface.vertices)
-    attributes = {
-        "POSITION": glb.accessor(vertices.astype(np.float32), ARRAY, bounds=True),
-        "TEXCOORD_0": glb.accessor(background.uv, ARRAY),
-    }
-    return [_add_mesh(glb, "scene", attributes, background.surface.faces, Appearance(photo))]
+    photo |= {"extensions": {"KHR_materials_unlit": {}}}
+    nodes = []
+    for name, mesh in meshes.items():
+        if len(mesh.faces):
+            vertices = transform_points(request.frame.from_camera, mesh.vertices)
+            attributes = {
+                "POSITION": glb.accessor(vertices.astype(np.float32), ARRAY, bounds=True),
+                "TEXCOORD_0": glb.accessor(((mesh.pixels + 0.5) / background.size).astype(np.float32), ARRAY),
+            }
+            # From outside, the backdrop must not hide what is before it.
+            look = Appearance(photo | {"name": name, "doubleSided": mesh is background.surface})
+            nodes.append(_add_mesh(glb, name, attributes, mesh.faces, look))
+    if len(background.backdrop.faces):
+        glb.tree["nodes"][nodes[-1]]["extras"] = {
+            "meaning": BACKDROP,
+            "radius_m": round(scene_reach(request.result), 3),
+        }
+    return nodes
 
 
 def _add_floor(glb: GlbBuilder, background: _Background, request: ExportRequest) -> list[int]:

@@ -19,7 +19,7 @@ from physic_core.visual.render import (
     render_mesh,
     render_points,
 )
-from physic_core.visual.surface import depth_limit
+from physic_core.visual.surface import is_near, scene_reach
 from physic_core.visual.textures.dressed import dressed_bodies
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ class PreviewGeometry:
 
 def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
     """Build the preview geometry of a reconstruction, without people with non-finite vertices."""
-    scene, limit = reconstruction.scene, depth_limit(reconstruction)
+    scene, limit = reconstruction.scene, scene_reach(reconstruction)
     matrix = gltf_from_camera(scene.floor)
     finite = [
         (index, np.asarray(person.vertices, np.float64))
@@ -95,10 +95,9 @@ def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
 
 
 def _cloud(scene: Scene, limit: float, stride: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return scene points (M, 3) of every n-th pixel up to a depth in metres, and their sRGB colours."""
-    points, valid = scene.points[::stride, ::stride], scene.valid[::stride, ::stride]
-    with np.errstate(invalid="ignore"):
-        valid = valid & np.isfinite(points.sum(-1)) & (points[..., 2] < limit)
+    """Return scene points (M, 3) of every n-th pixel up to a distance in metres, and their sRGB colours."""
+    points = scene.points[::stride, ::stride]
+    valid = scene.valid[::stride, ::stride] & is_near(points, limit)
     return points[valid].astype(np.float32), scene.colors[::stride, ::stride][valid] / np.float32(255.0)
 
 

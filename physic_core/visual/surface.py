@@ -1,4 +1,4 @@
-"""Triangle mesh of a result: the scene from its point map; normals of vertices."""
+"""Triangle meshes of a result: the scene from its point map, and a backdrop of what is farther; normals of vertices."""
 
 from __future__ import annotations
 
@@ -27,6 +27,18 @@ _MAX_SLANTED_DEPTH_RATIO = 1.2
 _MIN_COMPONENT_SHARE = 0.002
 """Minimum size of a connected component, as a share of all vertices."""
 
+BACKDROP = "direction only, distance unknown"
+"""What files and pages say of the backdrop."""
+
+_SHELL_CELLS = 160
+"""Squares of the backdrop along the photo's longer side."""
+
+_LEAST_CELL_PX = 4
+
+_CRACK = 0.02
+"""Width of the cracks at edges in depth, which the backdrop does not fill, as a share of the photo's longer side."""
+
+_ROUNDS = 30  # of smoothing of the backdrop's outline
 _ACROSS = 0.15  # sine of the angle between the step and the surface: up to 9 degrees is along it
 
 
@@ -45,8 +57,11 @@ class SceneMesh:
     pixels: NDArray[np.int64]
 
 
-def depth_limit(reconstruction: Reconstruction) -> float:
-    """Return the depth limit of the scene mesh: three times the depth of the farthest person, at least 8 m."""
+def scene_reach(reconstruction: Reconstruction) -> float:
+    """Return the distance from the camera at which the scene mesh ends and the backdrop lies, metres.
+
+    It is three times the depth of the farthest person, at least 8 m.
+    """
     depths = [float(np.median(person.vertices[:, 2])) for person in reconstruction.people]
     finite = [depth for depth in depths if math.isfinite(depth)]
     return max(8.0, 3.0 * max(finite)) if finite else 20.0
@@ -57,7 +72,7 @@ def mesh_scene(scene: Scene, limit: float, max_vertices: int = _MAX_VERTICES) ->
 
     Args:
         scene: point map of (H, W) pixels.
-        limit: depth in metres beyond which pixels are skipped.
+        limit: distance from the camera in metres beyond which pixels are skipped.
         max_vertices: upper limit of the number of vertices, which determines n.
     """
     height, width = scene.valid.shape
@@ -67,7 +82,7 @@ def mesh_scene(scene: Scene, limit: float, max_vertices: int = _MAX_VERTICES) ->
     points = np.asarray(scene.points[grid], np.float32)
     normals = np.asarray(scene.normals[grid], np.float32)
     depth = points[..., 2]
-    usable = scene.valid[grid] & np.isfinite(points).all(-1) & (depth > 0) & (depth < limit)
+    usable = scene.valid[grid] & is_near(points, limit)
     points = np.where(usable[..., None], points, 1.0)
 
     def joined(first: tuple[slice, slice], second: tuple[slice, slice]) -> NDArray[np.bool_]:
@@ -92,6 +107,71 @@ def mesh_scene(scene: Scene, limit: float, max_vertices: int = _MAX_VERTICES) ->
     new_ids = np.cumsum(used) - 1
     pixels = np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2)
     return SceneMesh(points.reshape(-1, 3)[used], new_ids[faces], pixels[used])
+
+
+def is_near(points: NDArray[np.floating[Any]], limit: float) -> NDArray[np.bool_]:
+    """Return which points (..., 3) are finite, before the camera, and nearer to it than a limit in metres."""
+    x, y, z = (points[..., axis] for axis in range(3))
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.asarray((z > 0) & (x * x + y * y + z * z < limit * limit))
+
+
+def mesh_backdrop(result: Reconstruction, surface: SceneMesh) -> SceneMesh:
+    """Build a mesh of what is farther than the scene mesh or at no known distance: only its direction is known.
+
+    It is a part of the sphere around the camera with the radius :func:`scene_reach`, faces the camera, and reaches a
+    little behind the edge of the scene mesh. It has no faces where the scene mesh fills the photo.
+
+    Args:
+        result: of the photo.
+        surface: its scene mesh.
+    """
+    import cv2
+
+    height, width = result.scene.valid.shape
+    side = max(height, width)
+    covered = np.zeros((height, width), np.uint8)
+    covered[surface.pixels[:, 1], surface.pixels[:, 0]] = 1
+    stride = int(np.diff(np.unique(surface.pixels[:, 0])).min(initial=side)) if len(surface.pixels) else 1
+    crack = np.ones((max(3, round(_CRACK * side)),) * 2, np.uint8)
+    far = 1 - cv2.dilate(covered, np.ones((2 * stride + 1,) * 2, np.uint8))
+    far = cv2.morphologyEx(far, cv2.MORPH_OPEN, crack, borderType=cv2.BORDER_REPLICATE)
+    _, piece, boxes, _ = cv2.connectedComponentsWithStats(far)
+    far[boxes[piece, cv2.CC_STAT_AREA] < _MIN_COMPONENT_SHARE * far.size] = 0
+    cell = max(_LEAST_CELL_PX, side / _SHELL_CELLS)
+    cells = max(1, round(width / cell)), max(1, round(height / cell))
+    kept = cv2.resize(cv2.dilate(far, crack).astype(np.float32), cells, interpolation=cv2.INTER_AREA) > 0.5
+    columns, rows = (np.linspace(0, size - 1, count + 1) for size, count in zip((width, height), cells, strict=True))
+    ids = np.arange(len(rows) * len(columns)).reshape(len(rows), len(columns))
+    corners = ids[:-1, :-1][kept], ids[1:, :-1][kept], ids[:-1, 1:][kept], ids[1:, 1:][kept]
+    a, b, c, d = corners
+    faces = np.concatenate([np.stack([a, b, c], 1), np.stack([c, b, d], 1)])
+    spots = _smooth_outline(np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2), kept, ids)
+    used = np.unique(faces)
+    pixels = np.round(spots[used]).astype(np.int64)
+    camera = result.intrinsics
+    rays = np.c_[(pixels - [camera.cx, camera.cy]) / [camera.fx, camera.fy], np.ones(len(used))]
+    vertices = scene_reach(result) * rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    return SceneMesh(vertices.astype(np.float32), np.searchsorted(used, faces), pixels)
+
+
+def _smooth_outline(spots: NDArray[np.float64], kept: NDArray[np.bool_], ids: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the corners (N, 2) of squares, px, with the stairs between kept and other squares made smooth."""
+    level, upright = kept[1:] != kept[:-1], kept[:, 1:] != kept[:, :-1]
+    inner, beside = ids[1:-1], ids[:, 1:-1]
+    ends = np.concatenate(
+        [
+            np.stack([inner[:, :-1][level], inner[:, 1:][level]], 1),
+            np.stack([beside[:-1][upright], beside[1:][upright]], 1),
+        ]
+    )
+    count = np.bincount(ends.ravel(), minlength=len(spots))[:, None]
+    for _ in range(_ROUNDS):
+        total = np.stack(
+            [np.bincount(ends.ravel(), spots[ends[:, ::-1].ravel(), axis], len(spots)) for axis in (0, 1)], 1
+        )
+        spots = np.where(count > 1, 0.5 * spots + 0.5 * total / np.maximum(count, 1), spots)
+    return spots
 
 
 def _remove_small_components(faces: NDArray[np.int64], count: int) -> NDArray[np.int64]:

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from physic_core.geometry.upright import gltf_from_camera, transform_points
 from physic_core.types import Plane, Scene
 from physic_core.visual.glb import combined_glb
-from physic_core.visual.surface import depth_limit, mesh_scene
+from physic_core.visual.surface import BACKDROP, mesh_backdrop, mesh_scene, scene_reach
 
 
 def tree_of(content: bytes) -> dict:
@@ -122,8 +122,59 @@ def test_a_floor_far_away_stays_whole(reconstruction):
 
 def test_the_scene_ends_at_three_times_the_farthest_person(reconstruction, make):
     depth = max(np.median(person.vertices[:, 2]) for person in reconstruction.people)
-    assert depth_limit(reconstruction) == pytest.approx(3 * depth)
-    assert depth_limit(make(people=0)) == 20.0
+    assert scene_reach(reconstruction) == pytest.approx(3 * depth)
+    assert scene_reach(make(people=0)) == 20.0
+
+
+@pytest.fixture
+def far_away(reconstruction):
+    """The room, of which the upper third of the photo has no depth, apart from a crack of one column below."""
+    scene = reconstruction.scene
+    valid = scene.valid.copy()
+    valid[: len(valid) // 3] = False
+    valid[:, 80] = False
+    return replace(reconstruction, scene=replace(scene, valid=valid))
+
+
+def test_a_backdrop_shows_what_has_no_distance(far_away):
+    """It lies on a sphere, in the direction of its pixels, faces the camera, and has no holes seen from there."""
+    surface = mesh_scene(far_away.scene, scene_reach(far_away))
+    backdrop = mesh_backdrop(far_away, surface)
+    np.testing.assert_allclose(np.linalg.norm(backdrop.vertices, axis=1), scene_reach(far_away), rtol=1e-5)
+    seen = backdrop.vertices @ far_away.intrinsics.matrix.T
+    np.testing.assert_allclose(seen[:, :2] / seen[:, 2:], backdrop.pixels, atol=1e-3)
+    height, width = far_away.scene.valid.shape
+    columns, rows = backdrop.pixels.T
+    assert (columns.min(), columns.max(), rows.min()) == (0, width - 1, 0)
+    assert height / 3 <= rows.max() < 0.45 * height
+    a, b, c = backdrop.vertices[backdrop.faces].transpose(1, 0, 2)
+    assert ((np.cross(b - a, c - a) * a).sum(1) < 0).all()
+
+
+def test_a_room_that_fills_the_photo_has_no_backdrop(reconstruction, content):
+    assert not len(mesh_backdrop(reconstruction, mesh_scene(reconstruction.scene, 20.0)).faces)
+    assert "backdrop" not in {node["name"] for node in tree_of(content)["nodes"]}
+
+
+def test_the_outline_of_a_backdrop_is_smooth(far_away):
+    valid = far_away.scene.valid.copy()
+    rows, columns = np.indices(valid.shape)
+    valid[rows < 30 + 0.25 * columns] = False
+    slanted = replace(far_away, scene=replace(far_away.scene, valid=valid))
+    backdrop = mesh_backdrop(slanted, mesh_scene(slanted.scene, 20.0))
+    columns, rows = backdrop.pixels.T
+    for column in range(50, 110, 5):
+        assert -1.5 <= rows[np.abs(columns - column) <= 2].max() - (30 + 0.25 * column) < 4
+
+
+def test_the_backdrop_is_a_node_of_its_own_that_says_what_it_is(far_away):
+    tree = tree_of(combined_glb(far_away))
+    (node,) = (node for node in tree["nodes"] if node["name"] == "backdrop")
+    assert node["extras"] == {"meaning": BACKDROP, "radius_m": round(scene_reach(far_away), 3)}
+    scene, backdrop = (tree["meshes"][one["mesh"]]["primitives"][0] for one in tree["nodes"][:2])
+    materials = [tree["materials"][one["material"]] for one in (scene, backdrop)]
+    assert [one["doubleSided"] for one in materials] == [True, False]  # seen from outside, it hides nothing
+    assert materials[0]["pbrMetallicRoughness"] == materials[1]["pbrMetallicRoughness"]
 
 
 def test_the_file_states_units_axes_and_colours_and_has_a_camera(content):

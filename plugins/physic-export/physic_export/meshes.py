@@ -14,7 +14,7 @@ import numpy as np
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.palette import BODY_RGB, contact_legend
-from physic_core.visual.surface import depth_limit, mesh_scene, unit_normals
+from physic_core.visual.surface import mesh_scene, scene_reach, unit_normals
 from physic_core.visual.textures.photo import encode_image
 from physic_export.skins import Skins, skins_of
 
@@ -70,7 +70,7 @@ def contact_lines(result: Reconstruction, skins: Skins) -> list[str]:
 def scene_mesh(request: ExportRequest, max_vertices: int = 130_000) -> ColoredMesh | None:
     """Return the mesh of the scene; None if no pixels form a surface, or the scene is not wanted."""
     scene = request.result.scene
-    surface = mesh_scene(scene, depth_limit(request.result), max_vertices)
+    surface = mesh_scene(scene, scene_reach(request.result), max_vertices)
     if not request.scene or not len(surface.faces):
         return None
     columns, rows = surface.pixels.T
@@ -128,7 +128,7 @@ def scene_points(request: ExportRequest) -> ColoredMesh:
     matrix = request.frame.from_camera
     height, width = scene.valid.shape
     usable = scene.valid & np.isfinite(scene.points).all(-1)
-    surface = mesh_scene(scene, depth_limit(request.result), height * width)
+    surface = mesh_scene(scene, scene_reach(request.result), height * width)
     number = np.cumsum(usable.reshape(-1)) - 1
     columns, rows = surface.pixels.T
     faces = number[rows * width + columns][surface.faces] if len(surface.faces) else np.zeros((0, 3), np.int64)

@@ -19,7 +19,7 @@ from physic_core.errors import InputError
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import camera_pose, drawn_floor
 from physic_core.visual.rig import body_of_result
-from physic_core.visual.surface import depth_limit, mesh_scene
+from physic_core.visual.surface import mesh_scene, scene_reach
 from physic_core.visual.textures.photo import encode_image
 from physic_export.balance import ExportedPerson, people_of
 from physic_export.humanoid import (
@@ -274,7 +274,7 @@ def _add_scene(root: ElementTree.Element, request: ExportRequest) -> dict[str, b
     ElementTree.SubElement(
         world, "geom", {"name": "scene", "type": "mesh", "mesh": "scene", "material": "scene"} | _DRAWN
     )
-    surface = mesh_scene(request.result.scene, depth_limit(request.result), _MAX_VERTICES)
+    surface = mesh_scene(request.result.scene, scene_reach(request.result), _MAX_VERTICES)
     floor = drawn_floor(request.result, request.frame, surface)
     if floor is not None and len(floor[1]):
         add_mesh(asset, "drawn_floor", *floor, uv=np.zeros((len(floor[0]), 2)))

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
-from physic_export.meshes import person_meshes, scene_points
+from physic_core.geometry.upright import transform_points
+from physic_core.visual.surface import is_near, mesh_backdrop, mesh_scene, scene_reach
+from physic_export.meshes import person_meshes
 from physic_export.skins import skins_of
 
 if TYPE_CHECKING:
@@ -22,7 +24,8 @@ def export_rrd(request: ExportRequest) -> ExportedFiles:
     """Return one recording; its entities are in the frame of the request, metres.
 
     - ``world/camera``: pose and pinhole model; below it the photo, and the depth of the scene in metres.
-    - ``world/scene``: all valid points with the colours of the inpainted photo.
+    - ``world/scene``: the points of the scene with the colours of the inpainted photo, up to the backdrop.
+    - ``world/backdrop``: what is farther, on a part of a sphere: direction only, distance unknown.
     - ``world/person_0``, ...: the bodies, at step "people" in the colours of the option ``skin``, at step "contact" in
       those of what they touch.
     - ``result``: grade, warnings and notes as text.
@@ -45,8 +48,18 @@ def export_rrd(request: ExportRequest) -> ExportedFiles:
             scene = request.result.scene
             depth = np.where(scene.valid, scene.points[..., 2], np.nan).astype(np.float32)
             recording.log("world/camera/depth", rr.DepthImage(depth, meter=1.0))
-            points = scene_points(request)
-            recording.log("world/scene", rr.Points3D(points.vertices, colors=points.colors))
+            near, matrix = scene.valid & is_near(scene.points, scene_reach(request.result)), request.frame.from_camera
+            points = transform_points(matrix, scene.points[near])
+            recording.log("world/scene", rr.Points3D(points, colors=scene.colors[near]))
+            backdrop = mesh_backdrop(request.result, mesh_scene(scene, scene_reach(request.result)))
+            if len(backdrop.faces):
+                shell = rr.Mesh3D(
+                    vertex_positions=transform_points(matrix, backdrop.vertices),
+                    triangle_indices=backdrop.faces,
+                    vertex_texcoords=(backdrop.pixels + 0.5) / scene.valid.shape[::-1],
+                    albedo_texture=scene.colors,
+                )
+                recording.log("world/backdrop", shell)
         elif name in ("people", "contact"):
             for mesh in person_meshes(request, touched if name == "contact" else skins):
                 body = rr.Mesh3D(

@@ -17,7 +17,7 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.rays import RayCaster
-from physic_core.visual.surface import SceneMesh, depth_limit, mesh_scene
+from physic_core.visual.surface import SceneMesh, is_near, mesh_scene, scene_reach
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -59,7 +59,7 @@ class Tile:
 
 def convex_tiles(result: Reconstruction) -> list[Tile]:
     """Return the tiles of the scene above the floor."""
-    surface = mesh_scene(result.scene, depth_limit(result), _MAX_VERTICES)
+    surface = mesh_scene(result.scene, scene_reach(result), _MAX_VERTICES)
     if not len(surface.faces):
         return []
     points = surface.vertices.astype(np.float64)
@@ -85,7 +85,7 @@ def tile_errors(result: Reconstruction, tiles: Sequence[Tile]) -> tuple[float, f
     It is measured along the rays of the camera, over the points above the floor whose ray meets a tile.
     """
     scene, floor = result.scene, result.scene.floor
-    points = scene.points[scene.valid & (scene.points[..., 2] < depth_limit(result))].astype(np.float64)
+    points = scene.points[scene.valid & is_near(scene.points, scene_reach(result))].astype(np.float64)
     if floor is not None:
         points = points[points @ np.asarray(floor.normal, np.float64) + floor.offset > 2 * FLOOR_M]
     if not tiles or not len(points):

@@ -17,7 +17,7 @@ from physic_core.visual.export.request import camera_pose, drawn_floor
 from physic_core.visual.glb import skin_influences
 from physic_core.visual.palette import BODY_RGB, FLOOR_RGB, contact_legend, linear_from_srgb
 from physic_core.visual.rig import rigs
-from physic_core.visual.surface import depth_limit, mesh_scene, unit_normals
+from physic_core.visual.surface import mesh_scene, scene_reach, unit_normals
 from physic_core.visual.textures.photo import encode_image
 from physic_export.meshes import ColoredMesh, person_meshes, scene_mesh
 from physic_export.skeleton import bone_names, t_pose
@@ -200,7 +200,7 @@ def _add_floor(stage: Any, request: ExportRequest) -> None:
     """Add the floor: a square under everything that collides, and what is drawn of it."""
     from pxr import UsdGeom, UsdPhysics
 
-    surface = mesh_scene(request.result.scene, depth_limit(request.result))
+    surface = mesh_scene(request.result.scene, scene_reach(request.result))
     drawn = drawn_floor(request.result, request.frame, surface)
     if drawn is None:
         return

@@ -40,6 +40,7 @@ def test_rerun_reads_photo_scene_people_and_contact(export, result: Reconstructi
     np.testing.assert_array_equal(depth.reshape(120, 160)[valid], scene.points[valid][:, 2])
     np.testing.assert_array_equal(found["/world/scene"]["Points3D:positions"][0], scene.points[valid])
     assert found["/world/scene"]["stage"] == [1]
+    assert "/world/backdrop" not in found  # the room fills the photo
     for index, person in enumerate(result.people):
         body = found[f"/world/person_{index}"]
         assert body["stage"] == [2, 3]

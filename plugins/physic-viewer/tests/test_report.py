@@ -18,7 +18,7 @@ import torch
 from physic_core.body import load_body
 from physic_core.types import BodyContact, CheckResult, ContactPartner, UnposedPerson
 from physic_core.visual.report import PAGE_MARK
-from physic_core.visual.surface import depth_limit, mesh_scene
+from physic_core.visual.surface import mesh_scene, scene_reach
 from physic_viewer.report.page import failure_html, report_html
 from physic_viewer.report.surfaces import MAX_FULL_BODIES, pack_bodies, pack_scene
 
@@ -85,7 +85,7 @@ def test_the_scene_has_the_points_of_its_pixels_and_the_triangles_of_its_mesh(ma
     wanted = result.scene.points[::stride, ::stride][valid]
     assert np.abs(points_of(packed["points"]) - wanted).max() < 1e-3
     kept = flags_of(packed["triangles"], 2 * rows * columns)
-    mesh = mesh_scene(result.scene, depth_limit(result), 130_000)
+    mesh = mesh_scene(result.scene, scene_reach(result), 130_000)
     assert kept.sum() == len(mesh.faces) > 10_000
     # The corners of each triangle, found as the page finds them, are those of the mesh.
     cells = np.flatnonzero(kept) // 2

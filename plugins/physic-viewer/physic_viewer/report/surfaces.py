@@ -11,7 +11,7 @@ import numpy as np
 from PIL import Image
 
 from physic_core.visual.palette import contact_strength
-from physic_core.visual.surface import depth_limit, mesh_scene
+from physic_core.visual.surface import BACKDROP, is_near, mesh_backdrop, mesh_scene, scene_reach
 from physic_core.visual.textures.dressed import dressed_bodies, dressed_images
 
 if TYPE_CHECKING:
@@ -80,18 +80,18 @@ def pack_scene(reconstruction: Reconstruction) -> dict[str, Any]:
 
     Returns:
         ``stride`` n in px, ``rows`` and ``columns`` of the grid, ``valid`` (one flag per grid point), ``points`` (of
-        the valid ones, in the order of the grid) and ``triangles`` (two flags per grid point: the triangles below and
-        to the right of it that are part of the mesh).
+        the valid ones, in the order of the grid), ``triangles`` (two flags per grid point: the triangles below and to
+        the right of it that are part of the mesh) and ``backdrop``: ``points``, ``faces``, ``pixels`` (column and row
+        of each point, px), what it means, and its ``radius`` in metres.
     """
-    scene, limit = reconstruction.scene, depth_limit(reconstruction)
+    scene, limit = reconstruction.scene, scene_reach(reconstruction)
     most = _SCENE_VERTICES if len(reconstruction.people) <= MAX_FULL_BODIES else _CROWD_SCENE_VERTICES
     height, width = scene.valid.shape
     stride = max(1, math.ceil(math.sqrt(height * width / most)))
     points = np.asarray(scene.points[::stride, ::stride], np.float32)
-    with np.errstate(invalid="ignore"):
-        usable = (points[..., 2] > 0) & (points[..., 2] < limit)
-    valid = scene.valid[::stride, ::stride] & np.isfinite(points).all(-1) & usable
+    valid = scene.valid[::stride, ::stride] & is_near(points, limit)
     surface = mesh_scene(scene, limit, most)
+    backdrop = mesh_backdrop(reconstruction, surface)
     triangles = np.zeros((*valid.shape, 2), bool)
     corner = surface.pixels[surface.faces] // stride  # (F, 3, 2): column and row in the grid
     # Both triangles of a cell have its lower left and upper right corner, in the places that mesh_scene gives them.
@@ -105,6 +105,13 @@ def pack_scene(reconstruction: Reconstruction) -> dict[str, Any]:
         "valid": pack_flags(valid),
         "points": pack_points(points[valid]),
         "triangles": pack_flags(triangles),
+        "backdrop": {
+            "points": pack_points(backdrop.vertices),
+            "faces": pack_indices(backdrop.faces),
+            "pixels": pack_indices(backdrop.pixels),
+            "meaning": BACKDROP,
+            "radius": limit,
+        },
     }
 
 

@@ -34,6 +34,12 @@ function decodeFlags(text) {
   return i => Boolean(bytes[i >> 3] & (1 << (i & 7)));
 }
 
+// Returns the points of the backdrop, their places in a picture of the photo, from its lower left corner, and triangles.
+function decodeBackdrop({ points, faces, pixels }, width, height) {
+  const uv = Float32Array.from(decodeIndices(pixels), (v, i) => (i % 2 ? 1 - (v + 0.5) / height : (v + 0.5) / width));
+  return { points: decodePoints(points), uv, faces: decodeIndices(faces) };
+}
+
 // Returns points, the index of each one's pixel in the grid, and the triangles between points.
 function decodeScene({ rows, columns, valid, points, triangles }) {
   const isValid = decodeFlags(valid), isTriangle = decodeFlags(triangles);

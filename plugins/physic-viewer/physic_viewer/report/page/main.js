@@ -61,6 +61,9 @@ function connect(stage, panel, select) {
     stage.wear(skin);
     panel.draw(stage);
   };
+  const { meaning, radius } = stage.data.scene.backdrop;
+  byId("beyond").title = `What is farther than ${radius.toFixed(0)} m, or at no known distance: ${meaning}`;
+  byId("beyond").hidden = !stage.data.scene.backdrop.points.count;
   dress(); // the browser may have kept an earlier choice
   for (const choice of skins) choice.addEventListener("change", dress);
   for (const box of document.querySelectorAll("[data-show]")) {

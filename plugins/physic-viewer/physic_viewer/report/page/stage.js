@@ -2,6 +2,7 @@
 
 const BODIES = 1; // layer of what is drawn over the photo
 const FIELD_OF_VIEW = 40;
+const SCENE = ["mesh", "points", "backdrop"];
 const LINEAR = Float32Array.from({ length: 256 }, (_, v) => new THREE.Color().setRGB(v / 255, 0, 0, THREE.SRGBColorSpace).r);
 
 class Stage {
@@ -20,11 +21,14 @@ class Stage {
 
     const textures = images.map(image => image && makeTexture(image));
     this.bodies = data.people.map((person, index) => makeBody(data, index, textures[index]));
-    const { mesh, points } = makeScene(data, background);
+    const { mesh, points, backdrop, sky, ground } = makeScene(data, background);
+    // Day stays day on a dark page.
+    document.documentElement.style.setProperty("--stage-top", cssColor(sky));
+    document.documentElement.style.setProperty("--stage-low", cssColor(ground));
     const people = new THREE.Group();
     for (const body of this.bodies) if (body) people.add(body);
     this.root.updateMatrixWorld(true);
-    this.groups = { mesh, points, people, camera: makeFrustum(data, photo) };
+    this.groups = { mesh, points, backdrop, people, camera: makeFrustum(data, photo) };
     this.root.add(...Object.values(this.groups));
     this.root.updateMatrixWorld(true);
     this.box = this.bounds(this.bodies);
@@ -33,7 +37,7 @@ class Stage {
     this.groups.floor = makeFloor(data, this.box, this.root);
     this.scene.add(this.groups.floor);
 
-    this.camera = new THREE.PerspectiveCamera(FIELD_OF_VIEW, 1, 0.02, 500);
+    this.camera = new THREE.PerspectiveCamera(FIELD_OF_VIEW, 1, 0.02, 500 + 2 * data.scene.backdrop.radius);
     this.controls = new THREE.OrbitControls(this.camera, canvas);
     this.controls.addEventListener("change", () => {
       this.isPhotoBehind = false;
@@ -64,7 +68,7 @@ class Stage {
 
   show(name, shown) {
     this.groups[name].visible = shown;
-    if (name === "mesh" || name === "points") this.isPhotoBehind = false;
+    if (SCENE.includes(name)) this.isPhotoBehind = false;
     this.draw();
   }
 
@@ -184,7 +188,7 @@ class Stage {
   }
 
   render() {
-    const { camera, mesh, points } = this.groups, shown = [mesh.visible, points.visible];
+    const { camera } = this.groups, scene = SCENE.map(name => this.groups[name]), shown = scene.map(part => part.visible);
     const isBehind = this.isPhotoBehind && camera.visible;
     // From its own place, the photo would hide the scene, unless it is drawn first.
     const eye = new THREE.Vector3().setFromMatrixPosition(this.photoCamera.matrixWorld);
@@ -193,9 +197,9 @@ class Stage {
     lines.visible = !isInside;
     picture.visible = !isInside || isBehind;
     picture.material.depthTest = picture.material.depthWrite = !isBehind;
-    if (isBehind) mesh.visible = points.visible = false;
+    if (isBehind) for (const part of scene) part.visible = false;
     this.renderer.render(this.scene, this.camera);
-    [mesh.visible, points.visible] = shown;
+    scene.forEach((part, i) => { part.visible = shown[i]; });
     this.listeners.forEach(listener => listener());
   }
 
@@ -250,7 +254,8 @@ function makeTexture(image) {
   return texture;
 }
 
-// Surface with the photo without people as its texture, and the points with the same colours.
+// Surface with the photo without people as its texture, the points with the same colours, the backdrop, and the mean
+// colours of the uppermost and lowest tenth of the photo.
 function makeScene(data, background) {
   const { points, cells, faces } = decodeScene(data.scene), { columns, stride } = data.scene;
   const uv = new Float32Array(2 * cells.length), colors = new Float32Array(3 * cells.length);
@@ -266,17 +271,32 @@ function makeScene(data, background) {
     const pixel = 4 * (Math.floor(v * sheet.height) * sheet.width + Math.floor(u * sheet.width));
     for (let k = 0; k < 3; k++) colors[3 * i + k] = LINEAR[pixels[pixel + k]];
   });
-  const place = new THREE.BufferAttribute(points, 3);
-  const surface = new THREE.BufferGeometry();
-  surface.setAttribute("position", place);
-  surface.setAttribute("uv", new THREE.BufferAttribute(uv, 2));
-  surface.setIndex(new THREE.BufferAttribute(faces, 1));
+  const place = new THREE.BufferAttribute(points, 3), map = makeTexture(background);
+  const sheetOf = (position, coordinates, triangles, side) => {
+    const surface = new THREE.BufferGeometry();
+    surface.setAttribute("position", position);
+    surface.setAttribute("uv", new THREE.BufferAttribute(coordinates, 2));
+    surface.setIndex(new THREE.BufferAttribute(triangles, 1));
+    return new THREE.Mesh(surface, new THREE.MeshBasicMaterial({ map, side }));
+  };
   const cloud = new THREE.BufferGeometry();
   cloud.setAttribute("position", place);
   cloud.setAttribute("color", new THREE.BufferAttribute(colors, 3));
-  const paint = new THREE.MeshBasicMaterial({ map: makeTexture(background), side: THREE.DoubleSide });
   const dots = new THREE.PointsMaterial({ size: 2.2, sizeAttenuation: false, vertexColors: true });
-  const found = { mesh: new THREE.Mesh(surface, paint), points: new THREE.Points(cloud, dots) };
+  const shell = decodeBackdrop(data.scene.backdrop, data.width, data.height);
+  const tenth = 4 * sheet.width * Math.ceil(sheet.height / 10), mean = (start, end) => {
+    const sums = [0, 0, 0];
+    for (let i = start; i < end; i++) if (i % 4 < 3) sums[i % 4] += pixels[i];
+    return sums.map(sum => Math.round(4 * sum / (end - start)));
+  };
+  const found = {
+    mesh: sheetOf(place, uv, faces, THREE.DoubleSide),
+    points: new THREE.Points(cloud, dots),
+    // From outside, it must not hide what is before it.
+    backdrop: sheetOf(new THREE.BufferAttribute(shell.points, 3), shell.uv, shell.faces, THREE.FrontSide),
+    sky: mean(0, tenth),
+    ground: mean(pixels.length - tenth, pixels.length),
+  };
   found.points.visible = false;
   return found;
 }
