@@ -1,8 +1,9 @@
 """GLB files: bodies with skeleton and pose, contact, scene, floor and camera; metres, y up.
 
 The scene is textured with the photo without people, and unlit, since a photo contains its own light. So is the
-backdrop, a part of a sphere that shows what is farther. So are people; what no photo shows of them is grey. Variants of
-their material (KHR_materials_variants) are plain, and show contact, which is an attribute of their vertices too.
+backdrop, a part of a sphere that shows what is farther. So are people; what no photo shows of them is guessed, and
+darker. Variants of their material (KHR_materials_variants) are plain, and show contact, which is an attribute of their
+vertices too.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from physic_core.visual.palette import (
 )
 from physic_core.visual.rig import Rig, rigs
 from physic_core.visual.surface import BACKDROP, SceneMesh, mesh_backdrop, mesh_scene, scene_reach, unit_normals
-from physic_core.visual.textures.dressed import dressed_bodies, dressed_images, image_of_vertices
+from physic_core.visual.textures.dressed import GUESSED, dressed_bodies, dressed_images, image_of_vertices
 from physic_core.visual.textures.photo import encode_image
 
 if TYPE_CHECKING:
@@ -197,7 +198,7 @@ def photo_appearance(
 
 
 def add_dressed(glb: GlbBuilder, index: int, request: ExportRequest) -> Appearance:
-    """Return a body in the photo's colours, grey where no photo shows it; without a texture, vertices have colours."""
+    """Return a body in the photo's colours and guessed ones; without a texture, vertices have colours."""
     dressed, name, person = dressed_bodies(request.result), f"person_{index}", request.result.people[index]
     if dressed.mesh is not None:
         touched = painted_contact(person, request.result.contact_partners)
@@ -244,7 +245,7 @@ def build_glb(
         "contact_colors": contact_legend(result),
     }
     if look is add_dressed and request.people:
-        extras["colors_of_people"] = "those of the photo, and grey where it does not show the body"
+        extras["colors_of_people"] = f"those of the photo; {GUESSED}"
         if has_faint_contact(result):
             extras["contact_variant"] = FAINT
     if skins:

@@ -44,6 +44,7 @@ from physic_core.visual.panels import (
     wrap,
 )
 from physic_core.visual.render import View
+from physic_core.visual.textures.dressed import GUESSED
 
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction, UInt8Array
@@ -94,7 +95,6 @@ _CELL = 300  # room that a panel of the first row has at least, for its title an
 _SHOWN_MESSAGES = 6
 _HEAD, _NECK = JOINT_INDEX["head"], JOINT_INDEX["neck"]
 _DEPTH_TITLE = "Depth without people"
-_GREY = "grey: what the photo does not show of people"
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
     _draw_view(page, side, f"From the side{up}", side_view(geometry, side.width, side.height))
     _draw_view(page, above, "From above", top_view(geometry, above.width, above.height))
     if geometry.crowns:
-        pen.text((above.x + above.width, above.y - 8), _GREY, font=font(14), fill=SOFT_RGB, anchor="rs")
+        pen.text((above.x + above.width, above.y - 8), GUESSED, font=font(14), fill=SOFT_RGB, anchor="rs")
     if table is not None:
         draw_text(pen, (_MARGIN, below), "Contact and checks", 18)
         _contact_legend(pen, (_MARGIN + font(18).getlength("Contact and checks") + 24, below + 6), reconstruction)

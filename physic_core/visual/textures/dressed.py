@@ -1,7 +1,8 @@
-"""People as pictures, page and GLB show them: the photo's colours where it shows them, and a neutral tone elsewhere.
+"""People as pictures, page and GLB show them: the photo's colours where it shows them, and guessed clothes elsewhere.
 
-Between the two, the colour fades over a few centimetres of skin. The neutral tone has a light of its own, since the
-photo's colours, which have theirs, are drawn without one.
+What no photo shows is filled: with the other side of the body where the photo shows that, and over the surface
+between, towards the mean of the body part. The guess is darker, and has a light of its own, since the photo's colours,
+which have theirs, are drawn without one.
 """
 
 from __future__ import annotations
@@ -16,9 +17,12 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from physic_core.body import load_body
-from physic_core.geometry.mesh import vertex_normals
+from physic_core.body.joints import JOINT_INDEX
+from physic_core.errors import PhysicError
+from physic_core.geometry.mesh import vertex_areas, vertex_normals
 from physic_core.geometry.upright import up_in_camera
 from physic_core.visual.palette import BODY_RGB
+from physic_core.visual.rig import body_of_result
 from physic_core.visual.textures.photo import caster_of_bodies, photo_colors
 from physic_core.visual.textures.raster import (
     TextureCoordinates,
@@ -30,6 +34,7 @@ from physic_core.visual.textures.raster import (
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from physic_core.body.model import BodyModel
     from physic_core.geometry.rays import RayCaster
     from physic_core.types import Reconstruction, UInt8Array
 
@@ -39,31 +44,40 @@ SIZES = (128, 256, 512)
 """Texels along a side of a texture: at least as many as the person has px in height, up to the last. A texel of 512 is
 3 mm of skin."""
 
-FADE_M = 0.06
-"""Way over the skin on which the photo's colours fade to the neutral tone, metres."""
+MIRROR_WEIGHT, PART_WEIGHT, SCALP_WEIGHT = 0.3, 0.002, 0.1
+"""Weights of the other side, of the part's mean, and of that of the scalp, whose neighbour is a face, against what the
+photo shows."""
+
+GUESSED = "darker: guessed, not seen in the photo"
+"""What a legend says of the clothes that no photo shows."""
 
 _Made = TypeVar("_Made")
 
-_SURE = 0.5  # weight of the photo from which a vertex gives its colour to those beside it
-_LIGHT, _DARK = 1.1, 0.55  # of the neutral tone towards the light and away from it
+_SURE = 0.5  # weight from which the photo shows a vertex
+_LIGHT, _DARK = 0.9, 0.55  # of what is guessed, towards the light and away from it
+_HAIRLINE_M, _NAPE_M = 0.115, -0.03  # heights over the head's joint, over the forehead and at the neck
 
 
 @dataclass(frozen=True)
 class DressedBodies:
-    """Colours of the people of a result.
+    """Colours of the people of a result, each of those with a body.
 
     Attributes:
-        colors: person -> (V, 3) uint8 sRGB of each vertex, of those with a body.
-        beside: person -> (V, 3) the same where no photo shows the vertex, 0-255.
+        colors: person -> (V, 3) uint8 sRGB of each vertex.
+        fill: person -> (V, 3) sRGB 0-255 that is guessed where no photo shows the vertex, not darkened.
+        tone: person -> (V,) brightness of the guess.
+        filled: person -> (V,) float32 in 0-1, how much of the colour is guessed.
+        shown: person -> share of the body's surface that a photo shows.
         mesh: texture coordinates of the bodies; None for others than the embedded body.
-        shown: person -> share of the vertices that a photo shows.
         caster: of all bodies; None without bodies.
     """
 
     colors: Mapping[int, UInt8Array]
-    beside: Mapping[int, Array]
-    mesh: TextureCoordinates | None
+    fill: Mapping[int, Array]
+    tone: Mapping[int, Array]
+    filled: Mapping[int, NDArray[np.float32]]
     shown: Mapping[int, float]
+    mesh: TextureCoordinates | None
     caster: RayCaster | None
 
 
@@ -85,41 +99,60 @@ def _kept_for_next_picture(make: Callable[[Reconstruction], _Made]) -> Callable[
 @_kept_for_next_picture
 def dressed_bodies(result: Reconstruction) -> DressedBodies:
     """Return the colours of the people of a result."""
-    caster = caster_of_bodies(result)
+    caster, faces, mesh = caster_of_bodies(result), np.asarray(result.faces, np.int64), None
+    dressed = DressedBodies({}, {}, {}, {}, {}, mesh, caster)
     if caster is None:
-        return DressedBodies({}, {}, None, {}, None)
-    mesh, faces = None, np.asarray(result.faces, np.int64)
-    if result.body_model == "embedded":
-        own = embedded_coordinates()
-        if np.array_equal(own.vertex[own.faces], faces):
-            mesh = own
-    colors, fill, shown = dict[int, "UInt8Array"](), dict[int, "Array"](), dict[int, float]()
+        return dressed
+    model = _model(result)
+    if model is not None and model.name == "embedded":
+        mesh = embedded_coordinates()
+    others, parts, pull = _sides_and_parts(model, len(result.people[0].vertices))
+    colors, fill, tone = dict[int, "UInt8Array"](), dict[int, "Array"](), dict[int, "Array"]()
+    filled, shown = dict[int, "NDArray[np.float32]"](), dict[int, float]()
     for index, person in enumerate(result.people):
         if not np.isfinite(person.vertices).all():
             continue
         vertices = person.vertices.astype(np.float64)
         normals = vertex_normals(vertices, faces)
-        photo, _, weight = photo_colors(result, index, vertices, normals, caster)
-        tone = np.array(BODY_RGB) * (_DARK + (_LIGHT - _DARK) * (0.5 + 0.5 * normals @ _light(result)))[:, None]
-        fill[index] = _faded(vertices, faces, photo, weight, tone)
-        colors[index] = _mixed(photo, weight, fill[index])
-        shown[index] = float((weight > _SURE).mean())
-    return DressedBodies(colors, fill, mesh, shown, caster)
+        photo, seen, near = photo_colors(result, index, vertices, normals, caster)
+        fill[index] = _fill(photo, near, faces, others, parts, pull)
+        tone[index] = _DARK + (_LIGHT - _DARK) * (0.5 + 0.5 * normals @ _light(result))
+        colors[index] = _mixed(photo, near, fill[index] * tone[index][:, None])
+        filled[index] = (1 - seen).astype(np.float32)
+        areas = vertex_areas(vertices, faces)
+        shown[index] = float(areas[seen > _SURE].sum() / max(areas.sum(), 1e-12))
+    return DressedBodies(colors, fill, tone, filled, shown, mesh, caster)
 
 
 @_kept_for_next_picture
 def dressed_images(result: Reconstruction) -> dict[int, UInt8Array]:
     """Return person -> texture (N, N, 3) uint8 sRGB; none of bodies without texture coordinates."""
     dressed, images = dressed_bodies(result), dict[int, "UInt8Array"]()
-    if dressed.mesh is None or dressed.caster is None:
-        return images
-    faces = np.asarray(result.faces, np.int64)
-    for index, beside in dressed.beside.items():
-        raster, vertices = embedded_raster(_size(result, index)), result.people[index].vertices.astype(np.float64)
-        points, normals = (raster.interpolate(faces, values) for values in (vertices, vertex_normals(vertices, faces)))
-        photo, _, weight = photo_colors(result, index, points, normals, dressed.caster)
-        images[index] = raster.image(_mixed(photo, weight, raster.interpolate(faces, beside)))
+    if dressed.mesh is not None:
+        for index in dressed.colors:
+            images[index] = dressed_texture(result, index, embedded_raster(_size(result, index)))[0]
     return images
+
+
+def dressed_texture(
+    result: Reconstruction, index: int, raster: TextureRaster, *, darken: bool = True
+) -> tuple[UInt8Array, UInt8Array]:
+    """Return the texture (N, N, 3) uint8 sRGB of a person with a body, and (N, N) 255 where no photo shows it, else 0.
+
+    Args:
+        result: of the photo.
+        index: of the person.
+        raster: of the texture.
+        darken: whether what is guessed is darker.
+    """
+    dressed, faces = dressed_bodies(result), np.asarray(result.faces, np.int64)
+    assert dressed.caster is not None
+    vertices = result.people[index].vertices.astype(np.float64)
+    points, normals = (raster.interpolate(faces, values) for values in (vertices, vertex_normals(vertices, faces)))
+    photo, seen, near = photo_colors(result, index, points, normals, dressed.caster)
+    guess = dressed.fill[index] * dressed.tone[index][:, None] if darken else dressed.fill[index]
+    image: UInt8Array = raster.image(_mixed(photo, near, raster.interpolate(faces, guess)))
+    return image, raster.image(np.round(255 * (1 - seen)).astype(np.uint8))
 
 
 def image_of_vertices(colors: UInt8Array, size: int) -> UInt8Array:
@@ -142,21 +175,65 @@ def embedded_raster(size: int) -> TextureRaster:
     return rasterize_texture(embedded_coordinates(), size)
 
 
-def _faded(vertices: Array, faces: NDArray[np.int64], photo: Array, weight: Array, tone: Array) -> Array:
-    """Return colours (V, 3) that fade from those of the nearest vertex that the photo shows to the neutral tone."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import dijkstra
+def _model(result: Reconstruction) -> BodyModel | None:
+    """Return the body model of a result; None if it is not at hand, or has another mesh."""
+    try:
+        model = body_of_result(result)
+    except PhysicError:
+        return None
+    return model if np.array_equal(model.faces.numpy(), result.faces) else None
 
-    sure = np.flatnonzero(weight > _SURE)
-    if not len(sure):
-        return tone
-    start, end = faces.T.ravel(), faces[:, [1, 2, 0]].T.ravel()  # two faces have an edge in opposite directions
-    length = np.linalg.norm(vertices[start] - vertices[end], axis=1)
-    graph = coo_array((np.maximum(length, 1e-6), (start, end)), shape=(len(vertices),) * 2).tocsr()
-    way, _, source = dijkstra(graph, False, sure, limit=FADE_M, min_only=True, return_predecessors=True)
-    share = np.cos(np.pi / 2 * np.minimum(way / FADE_M, 1))[:, None] ** 2
-    colors: Array = share * photo[np.maximum(source, 0)] + (1 - share) * tone  # what is out of reach has no source
-    return colors
+
+def _sides_and_parts(
+    model: BodyModel | None, count: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """Return the vertex (V,) on the other side of the body, the part (V,) of each, and the weight (V,) of its mean.
+
+    Scalp and face are two parts. Without a body model, each vertex is its own other side, and all are one part.
+    """
+    from scipy.spatial import cKDTree
+
+    if model is None:
+        return np.arange(count), np.zeros(count, np.int64), np.full(count, PART_WEIGHT)
+    rest, parts = model.skin.template.T.double().numpy(), model.part_of_vertex.numpy().astype(np.int64)
+    others = cKDTree(rest).query(rest * [-1.0, 1.0, 1.0])[1]
+    _, up, ahead = (rest - model.kinematics.template[JOINT_INDEX["head"]].double().numpy()).T
+    scalp = (parts == model.part_names.index("head")) & (((ahead < 0) & (up > _NAPE_M)) | (up > _HAIRLINE_M))
+    return others, np.where(scalp, parts.max() + 1, parts), np.where(scalp, SCALP_WEIGHT, PART_WEIGHT)
+
+
+def _fill(
+    photo: Array,
+    weight: Array,
+    faces: NDArray[np.int64],
+    others: NDArray[np.int64],
+    parts: NDArray[np.int64],
+    pull: Array,
+) -> Array:
+    """Return a colour (V, 3) of each vertex: the photo's, the other side's, and smooth between.
+
+    It minimises ``sum w (c - photo)^2 + sum over edges (c_i - c_j)^2 + pull (c - mean of the part)^2``.
+    """
+    import scipy.sparse as sp
+    from scipy.sparse.linalg import splu
+
+    count = len(photo)
+    if not (weight > 0).any():
+        return np.tile(np.array(BODY_RGB, np.float64), (count, 1))
+    from_other = (weight < MIRROR_WEIGHT) & (weight[others] > MIRROR_WEIGHT)
+    target = np.where(from_other[:, None], photo[others], photo)
+    trust = np.where(from_other, MIRROR_WEIGHT * weight[others], weight)
+    size = int(parts.max()) + 1
+    amount, mean = np.bincount(parts, trust, size), (trust[:, None] * target).sum(0) / trust.sum()
+    of_part = np.stack([np.bincount(parts, trust * column, size) for column in target.T], 1)
+    of_part = (of_part + 1e-3 * mean) / (amount + 1e-3)[:, None]
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    links = sp.coo_matrix((np.ones(len(edges)), tuple(edges.T)), (count, count)).tocsr()
+    links = ((links + links.T) > 0).astype(np.float64)
+    laplacian = sp.diags(np.asarray(links.sum(1)).ravel()) - links
+    system = splu((laplacian + sp.diags(10 * trust + pull)).tocsc())
+    solved: Array = system.solve(10 * trust[:, None] * target + pull[:, None] * of_part[parts])
+    return solved
 
 
 def _mixed(photo: Array, weight: Array, beside: Array) -> UInt8Array:
@@ -166,7 +243,7 @@ def _mixed(photo: Array, weight: Array, beside: Array) -> UInt8Array:
 
 
 def _light(result: Reconstruction) -> Array:
-    """Return the direction (3,) towards the light of the neutral tone, from above and the left, camera frame."""
+    """Return the direction (3,) towards the light of what is guessed, from above and the left, camera frame."""
     up = np.asarray(up_in_camera(result.scene.floor), np.float64)
     light = 0.8 * up - [0.6, 0.0, 0.0]
     unit: Array = light / np.linalg.norm(light)

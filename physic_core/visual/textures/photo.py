@@ -31,9 +31,6 @@ the nearest colour of the mask."""
 HIDDEN_M = 0.015
 """A point is hidden by a body that is nearer than it by more than this, metres."""
 
-NEAREST_WEIGHT = 0.3
-"""Weight of the nearest colour of the mask against what the photo shows."""
-
 
 def caster_of_bodies(result: Reconstruction) -> RayCaster | None:
     """Return the ray caster of all bodies of a result, which share one mesh; None without a body."""

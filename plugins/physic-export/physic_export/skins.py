@@ -1,9 +1,4 @@
-"""Colours of the bodies in a file: those of the photo, plain, or of contact.
-
-A texel that the photo shows has the photo's colour; the weight falls where the surface turns away from the camera. The
-rest is filled: with the other side of the body where the photo shows that, and over the surface between, towards the
-mean of the body part.
-"""
+"""Colours of the bodies in a file: those of the photo with guessed clothes, plain, or of contact."""
 
 from __future__ import annotations
 
@@ -16,10 +11,10 @@ import numpy as np
 
 from physic_core.body import load_body
 from physic_core.errors import InputError, PhysicError
-from physic_core.geometry.mesh import vertex_normals
 from physic_core.visual.palette import BODY_RGB, contact_colors
 from physic_core.visual.rig import body_of_result
-from physic_core.visual.textures.photo import NEAREST_WEIGHT, caster_of_bodies, encode_image, photo_colors
+from physic_core.visual.textures.dressed import dressed_bodies, dressed_texture
+from physic_core.visual.textures.photo import encode_image
 from physic_core.visual.textures.raster import (
     TextureCoordinates,
     TextureRaster,
@@ -31,14 +26,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core import ExportRequest
-    from physic_core.body.model import BodyModel
-    from physic_core.geometry.rays import RayCaster
     from physic_core.types import Reconstruction, UInt8Array
-
-    Array = NDArray[np.float64]
-
-MIRROR_WEIGHT, PART_WEIGHT = 0.3, 0.002
-"""Weights of the other side and of the part's mean against what the photo shows."""
 
 
 @dataclass(frozen=True)
@@ -97,8 +85,11 @@ def textured_bodies(request: ExportRequest, size: int) -> TexturedBodies:
         raise InputError(f"the bodies of the result do not have the {model.num_vertices} vertices of its body model")
     source = "embedded" if model.name == "embedded" else str(request.body_file or result.config["body_model"]["path"])
     mesh, raster = _mesh(source, size)
-    caster = caster_of_bodies(result)
-    textures = {index: _texture(result, index, model, raster, caster) for index, _ in request.chosen() if caster}
+    dressed, textures = dressed_bodies(result), dict[int, BodyTexture]()
+    for index, _ in request.chosen():
+        image, filled = dressed_texture(result, index, raster, darken=False)
+        colors = np.clip(np.round(dressed.fill[index]), 0, 255).astype(np.uint8)
+        textures[index] = BodyTexture(image, filled, colors, dressed.filled[index], dressed.shown[index])
     return TexturedBodies(mesh, raster, textures)
 
 
@@ -107,84 +98,6 @@ def _mesh(source: str, size: int) -> tuple[TextureCoordinates, TextureRaster]:
     faces = load_body(source if source == "embedded" else Path(source)).faces.numpy()
     mesh = load_texture_coordinates(source, faces)
     return mesh, rasterize_texture(mesh, size)
-
-
-def _texture(
-    result: Reconstruction, index: int, model: BodyModel, raster: TextureRaster, caster: RayCaster
-) -> BodyTexture:
-    person = result.people[index]
-    faces, vertices = np.asarray(result.faces, np.int64), person.vertices.astype(np.float64)
-    points = raster.interpolate(faces, vertices)
-    normals = raster.interpolate(faces, vertex_normals(vertices, faces))
-    photo, seen, near = photo_colors(result, index, points, normals, caster)
-    weight = np.maximum(seen, NEAREST_WEIGHT * near)
-    colors = _fill(photo, weight, raster, faces, model)
-    share = raster.interpolate(faces, colors)
-    blend = np.minimum(weight, 1)[:, None]
-    image = blend * photo + (1 - blend) * share
-    vertex_seen = _vertex_means(seen[:, None], np.ones(len(seen)), raster, faces, len(vertices))[0][:, 0]
-    area = _texel_areas(raster, faces, vertices)
-    return BodyTexture(
-        raster.image(np.clip(np.round(image), 0, 255).astype(np.uint8)),
-        raster.image(np.round(255 * (1 - seen)).astype(np.uint8)),
-        np.clip(np.round(colors), 0, 255).astype(np.uint8),
-        (1 - vertex_seen).astype(np.float32),
-        float((area * (seen > 0.5)).sum() / max(area.sum(), 1e-12)),
-    )
-
-
-def _vertex_means(
-    values: Array, weight: Array, raster: TextureRaster, faces: NDArray[np.int64], count: int
-) -> tuple[Array, Array]:
-    """Return weighted means (V, C) of texel values (n, C) at the vertices, and the mean weight (V,) of their texels."""
-    index = faces[raster.faces].ravel()
-    near = raster.corners.ravel()
-    total = np.bincount(index, near * np.repeat(weight, 3), count)
-    texels = np.bincount(index, near, count)
-    sums = [np.bincount(index, near * np.repeat(weight * column, 3), count) for column in values.T]
-    return np.stack(sums, 1) / np.maximum(total, 1e-9)[:, None], total / np.maximum(texels, 1e-9)
-
-
-def _fill(photo: Array, weight: Array, raster: TextureRaster, faces: NDArray[np.int64], model: BodyModel) -> Array:
-    """Return a colour (V, 3) of each vertex: the photo's, the other side's, and smooth between.
-
-    It minimises ``sum w (c - seen)^2 + sum over edges (c_i - c_j)^2 + p (c - mean of the part)^2``.
-    """
-    import scipy.sparse as sp
-    from scipy.sparse.linalg import splu
-    from scipy.spatial import cKDTree
-
-    count = model.num_vertices
-    seen, sure = _vertex_means(photo, weight, raster, faces, count)
-    if not (sure > 0).any():
-        return np.tile(np.array(BODY_RGB, np.float64), (count, 1))
-    rest = model.skin.template.T.double().numpy()
-    other = cKDTree(rest).query(rest * [-1.0, 1.0, 1.0])[1]
-    from_other = (sure < MIRROR_WEIGHT) & (sure[other] > MIRROR_WEIGHT)
-    target = np.where(from_other[:, None], seen[other], seen)
-    trust = np.where(from_other, MIRROR_WEIGHT * sure[other], sure)
-    parts = model.part_of_vertex.numpy()
-    size = int(parts.max()) + 1
-    amount = np.bincount(parts, trust, size)
-    mean = (trust[:, None] * target).sum(0) / trust.sum()
-    of_part = np.stack([np.bincount(parts, trust * column, size) for column in target.T], 1)
-    of_part = (of_part + 1e-3 * mean) / (amount + 1e-3)[:, None]
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    links = sp.coo_matrix((np.ones(len(edges)), tuple(edges.T)), (count, count)).tocsr()
-    links = ((links + links.T) > 0).astype(np.float64)
-    laplacian = sp.diags(np.asarray(links.sum(1)).ravel()) - links
-    system = splu((laplacian + sp.diags(10 * trust + PART_WEIGHT)).tocsc())
-    solved: Array = system.solve(10 * trust[:, None] * target + PART_WEIGHT * of_part[parts])
-    return solved
-
-
-def _texel_areas(raster: TextureRaster, faces: NDArray[np.int64], vertices: Array) -> Array:
-    """Return the area (n,) of the surface that each texel stands for, square metres."""
-    corners = vertices[faces]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
-    texels = np.bincount(raster.faces, minlength=len(faces))
-    areas: Array = (area / np.maximum(texels, 1))[raster.faces]
-    return areas
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from PIL import Image
 from physic_core.types import CheckResult, UnposedPerson
 from physic_core.types.results import metres_text
 from physic_core.visual.palette import CONTACT_PALETTE, FAINT
+from physic_core.visual.textures.dressed import GUESSED
 from physic_viewer.report.page import report_html
 
 READY = "document.documentElement.dataset.ready"
@@ -128,7 +129,7 @@ def test_the_legend_names_the_colours_that_the_bodies_show(page, make, show):
     unsure = [replace(p, contact_probability=np.full(len(p.vertices), 0.4, np.float16)) for p in made.people]
     other = show(replace(made, people=tuple(unsure)))
     for opened, labels in ((page, ["Contact with", "anything"]), (other, ["Contact with", "floor", FAINT])):
-        assert text(opened, "#legend") == "what the photo does not show"
+        assert text(opened, "#legend") == GUESSED
         click(opened, "[value=neutral]")
         assert opened.evaluate("document.querySelector('#legend').hidden") is True
         click(opened, "[value=contact]")

@@ -18,6 +18,7 @@ from physic_core.visual.palette import (
     contact_legend,
     has_faint_contact,
 )
+from physic_core.visual.textures.dressed import GUESSED
 from physic_viewer.report.people import people_records
 from physic_viewer.report.surfaces import MAX_FULL_BODIES, is_posed, pack_bodies, pack_scene, photo_jpeg
 
@@ -51,6 +52,7 @@ def page_contents(reconstruction: Reconstruction, title: str) -> dict[str, Any]:
         "colors": {"contact": CONTACT_RGB, "floor": FLOOR_RGB, "camera": CAMERA_RGB, "body": BODY_RGB},
         "legend": [{"label": label, "color": color} for label, color in contact_legend(reconstruction).items()],
         "faint": FAINT if has_faint_contact(reconstruction) else "",
+        "guessed": GUESSED,
         "partners": [{"title": one.title, "color": contact_color(one)} for one in reconstruction.contact_partners],
         "scene": pack_scene(reconstruction),
         "bodies": pack_bodies(reconstruction),

@@ -8,7 +8,7 @@ function showLegend(list, data, skin, isShown) {
   };
   const soft = textContent => element("li", { className: "soft", textContent });
   const rows = {
-    photo: () => [dotted({ label: "what the photo does not show", color: data.colors.body })],
+    photo: () => [soft(data.guessed)],
     neutral: () => [],
     contact: () => (data.legend.length
       ? [soft("Contact with"), ...data.legend.map(dotted), ...(data.faint ? [soft(data.faint)] : [])] : []),
