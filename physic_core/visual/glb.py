@@ -24,6 +24,7 @@ from physic_core.visual.export.request import ExportRequest, camera_pose, drawn_
 from physic_core.visual.glb_builder import ARRAY, INDICES, GlbBuilder
 from physic_core.visual.palette import (
     BODY_RGB,
+    CONTACT_PALETTE,
     FAINT,
     FLOOR_RGB,
     contact_legend,
@@ -32,6 +33,7 @@ from physic_core.visual.palette import (
     painted_contact,
 )
 from physic_core.visual.rig import Rig, rigs
+from physic_core.visual.supports import SLAB_FACES, assumed_supports
 from physic_core.visual.surface import BACKDROP, SceneMesh, mesh_backdrop, mesh_scene, scene_reach, unit_normals
 from physic_core.visual.textures.dressed import GUESSED, dressed_bodies, dressed_images, image_of_vertices
 from physic_core.visual.textures.photo import encode_image
@@ -52,16 +54,7 @@ SKINS = ("photo", "neutral", "contact")
 _CONTACT_TEXELS = 256
 """Texels along a side of the picture of contact; one is 7 mm of skin, and vertices are 1 to 2 cm apart."""
 
-_FLOOR: dict[str, Any] = {
-    "name": "floor",
-    "doubleSided": True,
-    "alphaMode": "BLEND",
-    "pbrMetallicRoughness": {
-        "baseColorFactor": [*linear_from_srgb(np.array(FLOOR_RGB, np.uint8)).round(4).tolist(), 0.35],
-        "metallicFactor": 0.0,
-        "roughnessFactor": 1.0,
-    },
-}
+_FLOOR_OPACITY, _ASSUMED_OPACITY = 0.35, 0.6
 
 
 @dataclass(frozen=True)
@@ -233,6 +226,7 @@ def build_glb(
     if background is not None:
         nodes += _add_scene(glb, background, request)
         nodes += _add_floor(glb, background, request)
+        nodes += _add_assumed(glb, request)
     for index in request.people:
         nodes += _add_person(glb, index, request, skins.get(index), look(glb, index, request))
     nodes.append(_add_camera(glb, result.intrinsics, camera_pose(frame)))
@@ -387,7 +381,30 @@ def _add_floor(glb: GlbBuilder, background: _Background, request: ExportRequest)
         "POSITION": glb.accessor(vertices.astype(np.float32), ARRAY, bounds=True),
         "NORMAL": glb.accessor(normals.astype(np.float32), ARRAY),
     }
-    return [_add_mesh(glb, "floor", attributes, faces, Appearance(_FLOOR))]
+    return [_add_mesh(glb, "floor", attributes, faces, Appearance(_glass("floor", FLOOR_RGB, _FLOOR_OPACITY)))]
+
+
+def _glass(name: str, rgb: tuple[int, int, int], opacity: float) -> dict[str, Any]:
+    """Return a material that shows what is behind it."""
+    made = body_material(name, rgb) | {"doubleSided": True, "alphaMode": "BLEND"}
+    made["pbrMetallicRoughness"]["baseColorFactor"][3] = opacity
+    return made
+
+
+def _add_assumed(glb: GlbBuilder, request: ExportRequest) -> list[int]:
+    """Add the supports that are assumed for the people of a request, and return the indices of their nodes."""
+    look, nodes = Appearance(_glass("assumed", CONTACT_PALETTE["hidden support"], _ASSUMED_OPACITY)), []
+    for one in assumed_supports(request.result):
+        if one.person in request.people:
+            corners = transform_points(request.frame.from_camera, one.vertices)[SLAB_FACES].reshape(-1, 3)
+            triangles = np.arange(len(corners)).reshape(-1, 3)
+            attributes = {
+                "POSITION": glb.accessor(corners.astype(np.float32), ARRAY, bounds=True),
+                "NORMAL": glb.accessor(unit_normals(corners, triangles), ARRAY),
+            }
+            name = f"{one.name.replace(' ', '_')}_of_person_{one.person}"
+            nodes.append(_add_mesh(glb, name, attributes, triangles, look))
+    return nodes
 
 
 def _add_camera(glb: GlbBuilder, camera: Intrinsics, pose: NDArray[np.float64]) -> int:

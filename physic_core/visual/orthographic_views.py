@@ -19,6 +19,7 @@ from physic_core.visual.render import (
     render_mesh,
     render_points,
 )
+from physic_core.visual.supports import AssumedSupport, assumed_supports
 from physic_core.visual.surface import is_near, scene_reach
 from physic_core.visual.textures.dressed import dressed_bodies
 
@@ -48,6 +49,7 @@ class PreviewGeometry:
         low: (3,) minimum corner of the box around the people, upright frame; around most of the scene without people.
         high: (3,) maximum corner.
         has_floor: whether y = 0 is a floor.
+        assumed: supports that the photo does not show.
     """
 
     people: RayCastMesh | None
@@ -61,6 +63,7 @@ class PreviewGeometry:
     low: Array
     high: Array
     has_floor: bool
+    assumed: Sequence[AssumedSupport] = ()
 
 
 def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
@@ -91,6 +94,7 @@ def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
         low=low,
         high=high,
         has_floor=scene.floor is not None,
+        assumed=assumed_supports(reconstruction),
     )
 
 
@@ -134,6 +138,7 @@ class LabeledView:
         floor_row: row of the floor; None if there is no floor, or in the top view.
         camera: column and row of the camera; None if it is outside.
         crowns: person -> column and row of their highest vertex.
+        assumed: name, and column and row (8, 2) of the corners, of each support that the photo does not show.
     """
 
     picture: UInt8Array
@@ -141,6 +146,7 @@ class LabeledView:
     floor_row: float | None
     camera: tuple[float, float] | None
     crowns: Mapping[int, tuple[float, float]]
+    assumed: Sequence[tuple[str, Array]]
 
 
 @dataclass(frozen=True)
@@ -210,6 +216,7 @@ def _render(geometry: PreviewGeometry, direction: _Direction, size: tuple[int, i
         float(spots[0, 1]) if is_level and geometry.has_floor else None,
         (column, row) if 0 <= column < size[0] and 0 <= row < size[1] else None,
         {index: (float(spot[0]), float(spot[1])) for index, spot in zip(geometry.crowns, spots[2:], strict=True)},
+        [(one.name, view.project(one.vertices)[:, :2]) for one in geometry.assumed],
     )
 
 

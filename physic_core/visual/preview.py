@@ -27,7 +27,7 @@ from physic_core.visual.orthographic_views import (
     side_view,
     top_view,
 )
-from physic_core.visual.palette import FAINT, FLOOR_RGB, contact_legend, has_faint_contact
+from physic_core.visual.palette import CONTACT_PALETTE, FAINT, FLOOR_RGB, contact_legend, has_faint_contact
 from physic_core.visual.panels import (
     ALERT_RGB,
     INK_RGB,
@@ -75,15 +75,20 @@ def draw_unposed(
     for box, reason in unposed_boxes(reconstruction):
         edges = np.array(box) * ([width / columns, height / rows] * 2)
         x0, y0, x1, y1 = np.clip(edges, 0, [width - 1, height - 1] * 2) + np.array([x, y] * 2)
-        for start, end in (((x0, y0), (x1, y0)), ((x1, y0), (x1, y1)), ((x1, y1), (x0, y1)), ((x0, y1), (x0, y0))):
-            count = max(1, round(math.dist(start, end) / _DASH_PX))
-            spots = np.linspace(start, end, count + 1).tolist()
-            for dash in range(0, count, 2):
-                pen.line((*spots[dash], *spots[dash + 1]), fill=_BOX_RGB, width=2)
+        _draw_dashed(pen, [(x0, y0), (x1, y0), (x1, y1), (x0, y1)], _BOX_RGB)
         wide = font.getlength(reason)
         if wide + 4 <= x1 - x0:  # in a smaller box of a crowd, the summary names the reason
             pen.rectangle((x0 + 1, y1 - _FONT_PX - 4, x0 + wide + 5, y1 - 1), fill=_LABEL_RGB)
             pen.text((x0 + 3, y1 - 3), reason, font=font, fill=_BOX_RGB, anchor="ls")
+
+
+def _draw_dashed(pen: ImageDraw.ImageDraw, corners: Sequence[tuple[float, float]], rgb: tuple[int, int, int]) -> None:
+    """Draw a closed outline through corners, px, in dashes."""
+    for start, end in zip(corners, [*corners[1:], corners[0]], strict=True):
+        count = max(1, round(math.dist(start, end) / _DASH_PX))
+        spots = np.linspace(start, end, count + 1).tolist()
+        for dash in range(0, count, 2):
+            pen.line((*spots[dash], *spots[dash + 1]), fill=rgb, width=2)
 
 
 _WIDTH = 1800
@@ -251,6 +256,7 @@ def _draw_view(page: Image.Image, frame: _Frame, title: str, plan: LabeledView) 
         x, y = frame.x + plan.camera[0], frame.y + plan.camera[1]
         pen.ellipse((x - 5, y - 5, x + 5, y + 5), fill=INK_RGB)
         pen.text((x + 10, y - 4), "camera", font=font(13), fill=INK_RGB, anchor="lm")
+    _draw_assumed(page, frame, plan)
     for index, (column, row) in plan.crowns.items():
         x, y = (
             float(np.clip(value, 12, size - 12)) for value, size in ((column, frame.width), (row - 16, frame.height))
@@ -264,6 +270,20 @@ def _draw_view(page: Image.Image, frame: _Frame, title: str, plan: LabeledView) 
     for edge in (x, end):
         pen.line((edge, y - 5, edge, y + 5), fill=INK_RGB, width=2)
     pen.text(((x + end) / 2, y - 5), f"{length} m", font=font(14), fill=INK_RGB, anchor="mb")
+
+
+def _draw_assumed(page: Image.Image, frame: _Frame, plan: LabeledView) -> None:
+    """Draw the outlines of the supports that the photo does not show in a view, with their names."""
+    import cv2
+
+    for name, corners in plan.assumed:
+        layer = page.crop((frame.x, frame.y, frame.x + frame.width, frame.y + frame.height))
+        outline = cv2.convexHull(corners.astype(np.float32))[:, 0]
+        pen, rgb = ImageDraw.Draw(layer), CONTACT_PALETTE["hidden support"]
+        _draw_dashed(pen, [(float(x), float(y)) for x, y in outline], rgb)
+        x, y = float(outline[:, 0].mean()), float(outline[:, 1].max())
+        pen.text((x, y + 4), name, font=font(14), fill=rgb, anchor="ma", stroke_width=2, stroke_fill=PAGE_RGB)
+        page.paste(layer, (frame.x, frame.y))
 
 
 def _contact_legend(pen: ImageDraw.ImageDraw, spot: tuple[float, float], reconstruction: Reconstruction) -> None:

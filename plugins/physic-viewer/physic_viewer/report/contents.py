@@ -9,8 +9,8 @@ from physic_core.geometry.upright import gltf_from_camera
 from physic_core.types import summarize_checks
 from physic_core.types.results import main_people
 from physic_core.visual.palette import (
-    BODY_RGB,
     CAMERA_RGB,
+    CONTACT_PALETTE,
     CONTACT_RGB,
     FAINT,
     FLOOR_RGB,
@@ -18,6 +18,7 @@ from physic_core.visual.palette import (
     contact_legend,
     has_faint_contact,
 )
+from physic_core.visual.supports import assumed_supports
 from physic_core.visual.textures.dressed import GUESSED
 from physic_viewer.report.people import people_records
 from physic_viewer.report.surfaces import MAX_FULL_BODIES, is_posed, pack_bodies, pack_scene, photo_jpeg
@@ -49,13 +50,22 @@ def page_contents(reconstruction: Reconstruction, title: str) -> dict[str, Any]:
         "scale_sigma": scene.scale_sigma,
         "distance_sigma": reconstruction.distance_sigma,
         "body_model": reconstruction.body_model,
-        "colors": {"contact": CONTACT_RGB, "floor": FLOOR_RGB, "camera": CAMERA_RGB, "body": BODY_RGB},
+        "colors": {
+            "contact": CONTACT_RGB,
+            "floor": FLOOR_RGB,
+            "camera": CAMERA_RGB,
+            "assumed": CONTACT_PALETTE["hidden support"],
+        },
         "legend": [{"label": label, "color": color} for label, color in contact_legend(reconstruction).items()],
         "faint": FAINT if has_faint_contact(reconstruction) else "",
         "guessed": GUESSED,
         "partners": [{"title": one.title, "color": contact_color(one)} for one in reconstruction.contact_partners],
         "scene": pack_scene(reconstruction),
         "bodies": pack_bodies(reconstruction),
+        "assumed": [
+            {"person": one.person, "name": one.name, "corners": one.vertices.ravel().tolist()}
+            for one in assumed_supports(reconstruction)
+        ],
         "people": people_records(reconstruction),
         "main": [i for i in main_people([one.box for one in people]) if is_posed(people[i])],
         "unposed": [{"box": one.box, "score": one.score, "reason": one.reason} for one in reconstruction.unposed],

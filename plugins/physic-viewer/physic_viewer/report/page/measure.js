@@ -10,6 +10,11 @@ class Pointer {
     this.caster = new THREE.Raycaster();
     this.caster.params.Points.threshold = 0.015;
     this.numbers = stage.bodies.map((body, index) => body && this.number(index));
+    this.names = stage.data.assumed.map(({ name }, i) => {
+      const label = element("span", { className: "label assumed", textContent: name });
+      labels.append(label);
+      return { label, top: new THREE.Box3().setFromObject(stage.assumed[i]).getCenter(new THREE.Vector3()) };
+    });
     this.length = element("span", { className: "label", hidden: true });
     labels.append(this.length);
     stage.listeners.push(() => this.place());
@@ -94,7 +99,7 @@ class Pointer {
   // Move the labels to where their points are now.
   place() {
     const shown = this.stage.groups.people.visible;
-    for (const number of this.numbers) if (number) this.put(number.label, shown ? number.top : null);
+    for (const one of [...this.numbers, ...this.names]) if (one) this.put(one.label, shown ? one.top : null);
     const [first, second] = this.marks;
     this.put(this.length, second ? first.point.clone().add(second.point).multiplyScalar(0.5) : null);
   }

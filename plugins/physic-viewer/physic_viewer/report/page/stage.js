@@ -27,6 +27,8 @@ class Stage {
     document.documentElement.style.setProperty("--stage-low", cssColor(ground));
     const people = new THREE.Group();
     for (const body of this.bodies) if (body) people.add(body);
+    this.assumed = data.assumed.map(one => makeAssumed(data, one));
+    people.add(...this.assumed);
     this.root.updateMatrixWorld(true);
     this.groups = { mesh, points, backdrop, people, camera: makeFrustum(data, photo) };
     this.root.add(...Object.values(this.groups));
@@ -287,7 +289,8 @@ function makeScene(data, background) {
   const tenth = 4 * sheet.width * Math.ceil(sheet.height / 10), mean = (start, end) => {
     const sums = [0, 0, 0];
     for (let i = start; i < end; i++) if (i % 4 < 3) sums[i % 4] += pixels[i];
-    return sums.map(sum => Math.round(4 * sum / (end - start)));
+    const [grey, ...color] = [sums.reduce((a, b) => a + b) / 3, ...sums].map(sum => 4 * sum / (end - start));
+    return color.map(value => Math.round((value + grey) / 2)); // half as colourful
   };
   const found = {
     mesh: sheetOf(place, uv, faces, THREE.DoubleSide),
@@ -359,6 +362,26 @@ function makeBody(data, index, texture) {
   };
   body.userData.wear("photo");
   return body;
+}
+
+// A support that the photo does not show: a slab of glass with dashed edges.
+function makeAssumed(data, { corners }) {
+  const box = new THREE.BufferGeometry(), color = makeColor(data.colors.assumed);
+  box.setAttribute("position", new THREE.Float32BufferAttribute(corners, 3));
+  const sides = [[0, 3, 2, 1], [4, 5, 6, 7], ...[0, 1, 2, 3].map(i => [i, (i + 1) % 4, 4 + (i + 1) % 4, 4 + i])];
+  box.setIndex(sides.flatMap(([a, b, c, d]) => [a, b, c, a, c, d]));
+  const glass = { color, transparent: true, opacity: 0.3, side: THREE.DoubleSide, depthWrite: false };
+  const corner = i => new THREE.Vector3(...corners.slice(3 * i, 3 * i + 3)), spots = [];
+  for (const side of sides) {
+    side.forEach((from, i) => {
+      const start = corner(from), end = corner(side[(i + 1) % 4]), count = Math.max(1, Math.round(start.distanceTo(end) / 0.06));
+      for (let k = 0; k < count; k++) spots.push(start.clone().lerp(end, k / count), start.clone().lerp(end, (k + 0.6) / count));
+    });
+  }
+  const slab = new THREE.Mesh(box, new THREE.MeshBasicMaterial(glass)), edges = new THREE.BufferGeometry();
+  edges.setAttribute("position", new THREE.Float32BufferAttribute(spots.flatMap(spot => spot.toArray()), 3));
+  slab.add(new THREE.LineSegments(edges, new THREE.LineBasicMaterial({ color })));
+  return slab;
 }
 
 // Every n-th vertex of a body, in the upright frame.
