@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.geometry.upright import gltf_from_camera, transform_points
+from physic_core.types.results import main_people
 from physic_core.visual.palette import person_color
 from physic_core.visual.render import (
     LONGEST_BODY_EDGE_M,
@@ -46,7 +47,8 @@ class PreviewGeometry:
         point_colors: (M, 3) float32 sRGB in 0-1.
         spacing: of points on a surface that faces the camera, at the median depth, metres.
         upright: (4, 4), see :func:`physic_core.geometry.upright.gltf_from_camera`.
-        low: (3,) minimum corner of the box around the people, upright frame; around most of the scene without people.
+        low: (3,) minimum corner of the box around the main people, upright frame; around most of the scene without
+            people.
         high: (3,) maximum corner.
         has_floor: whether y = 0 is a floor.
         assumed: supports that the photo does not show.
@@ -81,7 +83,8 @@ def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
     points, point_colors = _cloud(scene, limit, stride)
     dress = dressed_bodies(reconstruction).colors
     depth = float(np.median(points[:, 2])) if len(points) else 0.0
-    low, high = _bounds(bodies, points, matrix)
+    main = set(main_people([person.box for person in reconstruction.people]))
+    low, high = _bounds([vertices for index, vertices in finite if index in main] or bodies, points, matrix)
     return PreviewGeometry(
         people=prepare_meshes(bodies, reconstruction.faces, longest_edge=LONGEST_BODY_EDGE_M),
         people_colors=np.concatenate(colors) if colors else np.zeros((0, 3)),
@@ -102,7 +105,8 @@ def _cloud(scene: Scene, limit: float, stride: int) -> tuple[NDArray[np.float32]
     """Return scene points (M, 3) of every n-th pixel up to a distance in metres, and their sRGB colours."""
     points = scene.points[::stride, ::stride]
     valid = scene.valid[::stride, ::stride] & is_near(points, limit)
-    return points[valid].astype(np.float32), scene.colors[::stride, ::stride][valid] / np.float32(255.0)
+    colors = scene.colors[::stride, ::stride][valid].astype(np.float32) / np.float32(255.0)
+    return points[valid].astype(np.float32), colors
 
 
 def _bounds(bodies: Sequence[Array], points: NDArray[np.float32], upright: Array) -> tuple[Array, Array]:
@@ -137,7 +141,7 @@ class LabeledView:
         pixels_per_metre: scale.
         floor_row: row of the floor; None if there is no floor, or in the top view.
         camera: column and row of the camera; None if it is outside.
-        crowns: person -> column and row of their highest vertex.
+        crowns: person -> column and row of their highest vertex, of those in the picture.
         assumed: name, and column and row (8, 2) of the corners, of each support that the photo does not show.
     """
 
@@ -215,8 +219,12 @@ def _render(geometry: PreviewGeometry, direction: _Direction, size: tuple[int, i
         scale,
         float(spots[0, 1]) if is_level and geometry.has_floor else None,
         (column, row) if 0 <= column < size[0] and 0 <= row < size[1] else None,
-        {index: (float(spot[0]), float(spot[1])) for index, spot in zip(geometry.crowns, spots[2:], strict=True)},
-        [(one.name, view.project(one.vertices)[:, :2]) for one in geometry.assumed],
+        {
+            index: (float(spot[0]), float(spot[1]))
+            for index, spot in zip(geometry.crowns, spots[2:], strict=True)
+            if 0 <= spot[0] < size[0] and 0 <= spot[1] < size[1]
+        },
+        [(one.name, view.project(one.vertices)[:, :2].astype(np.float64)) for one in geometry.assumed],
     )
 
 

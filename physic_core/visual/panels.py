@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Line = tuple[str, tuple[int, int, int]]
 
-_OPACITY = 0.85
-"""Opacity of the bodies over the photo."""
+_OUTLINE_PX = 2
+_STEP = 0.05  # difference of colour between two people, or a person and nobody, of 1
 
 CONTACT_VIEWS = ("front", "back", "below")
 """Views of a person that show contact."""
@@ -71,11 +71,20 @@ def overlay_panel(reconstruction: Reconstruction, geometry: PreviewGeometry, wid
 
 
 def bodies_over(photo: UInt8Array, view: View, geometry: PreviewGeometry) -> UInt8Array:
-    """Draw the bodies over a photo (H, W, 3) as a view of the same size shows them."""
+    """Draw the dressed bodies, each in an outline, over a photo (H, W, 3) as a view of the same size shows them."""
+    import cv2
+
     if geometry.people is None:
         return photo
-    layer = render_mesh(geometry.people, view, geometry.people_colors)
-    return _bytes(blend_over(layer, (photo / 255.0).astype(np.float32), _OPACITY))
+    dressed, plain = (
+        render_mesh(geometry.people, view, colors, is_lit=False) for colors in (geometry.dress, geometry.people_colors)
+    )
+    picture = blend_over(dressed, (photo / 255.0).astype(np.float32))
+    near = np.ones((2 * _OUTLINE_PX + 1,) * 2, np.uint8)
+    step = cv2.dilate(plain.color, near) - cv2.erode(plain.color, near, borderType=cv2.BORDER_REPLICATE)
+    outline = (plain.alpha == 1) & (step > _STEP).any(-1)
+    picture[outline] = plain.color[outline]
+    return _bytes(picture)
 
 
 def depth_range(reconstruction: Reconstruction) -> tuple[float, float]:

@@ -13,7 +13,7 @@ class PhotoPanel {
     const context = this.canvas.getContext("2d"), { width, height } = this.canvas;
     context.drawImage(this.image, 0, 0, width, height);
     if (!this.overlay) return;
-    stage?.drawBodies(context, width, height, 0.78);
+    stage?.drawBodies(context, width, height);
     const scale = width / this.data.width, edge = Math.max(width, height) / 420;
     context.lineWidth = edge;
     this.data.unposed.forEach(({ box }) => this.frame(context, box, scale, "#ffd640", [3 * edge, 2 * edge]));

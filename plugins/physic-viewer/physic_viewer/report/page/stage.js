@@ -74,7 +74,7 @@ class Stage {
     this.draw();
   }
 
-  // Dress the bodies: "photo", "neutral" or "contact".
+  // Dress the bodies: "photo", "neutral", "contact", or "outline", the colour of the person's number.
   wear(skin) {
     this.skin = skin;
     this.bodies.forEach(body => body?.userData.wear(skin));
@@ -205,20 +205,23 @@ class Stage {
     this.listeners.forEach(listener => listener());
   }
 
-  // Draw the bodies as the photo's camera sees them on a 2D context of width x height px.
-  drawBodies(context, width, height, opacity) {
+  // Draw the bodies, in outlines of the people, as the photo's camera sees them on a 2D context of width x height px.
+  drawBodies(context, width, height) {
     const before = this.renderer.getPixelRatio(), size = this.renderer.getSize(new THREE.Vector2());
     const shown = this.groups.people.visible, skin = this.skin;
     this.groups.people.visible = true;
-    if (skin === "photo") this.wear("neutral"); // over the photo, its own colours are invisible
     this.renderer.setPixelRatio(1);
     this.renderer.setSize(width, height, false);
+    const thick = Math.max(width, height) / 400;
+    this.wear("outline");
     this.renderer.render(this.scene, this.photoCamera);
-    context.globalAlpha = opacity;
-    context.drawImage(this.canvas, 0, 0, width, height);
-    context.globalAlpha = 1;
-    this.groups.people.visible = shown;
+    for (let i = 0; i < 8; i++) {
+      context.drawImage(this.canvas, thick * Math.cos(i * Math.PI / 4), thick * Math.sin(i * Math.PI / 4), width, height);
+    }
     this.wear(skin);
+    this.renderer.render(this.scene, this.photoCamera);
+    context.drawImage(this.canvas, 0, 0, width, height);
+    this.groups.people.visible = shown;
     this.renderer.setPixelRatio(before);
     this.renderer.setSize(size.x, size.y, false);
     this.render();
@@ -341,6 +344,7 @@ function makeBody(data, index, texture) {
     }),
   };
   const matte = new THREE.MeshStandardMaterial({ vertexColors: true, roughness: 0.82 });
+  const outline = new THREE.MeshBasicMaterial({ color: makeColor(data.people[index].color) });
   const photo = new THREE.MeshBasicMaterial(texture ? { map: texture } : { vertexColors: true });
   if (!texture) {
     const bytes = decodeBytes(packed.colors);
@@ -352,7 +356,7 @@ function makeBody(data, index, texture) {
     index,
     colors,
     wear(skin) {
-      body.material = skin === "photo" ? photo : matte;
+      body.material = { photo, outline }[skin] ?? matte;
       if (colors[skin]) geometry.setAttribute("color", colors[skin]);
     },
     highlight(on) {
