@@ -173,7 +173,7 @@ def open_session(
             "onnxruntime, or use the CPU"
         )
     runtime = f"{chosen.name}, onnxruntime {ort.__version__}"
-    _LOG.info("%s runs on %s", path.name, runtime, extra={"network_runtime": runtime})
+    _LOG.info("%s runs on %s", path.name, runtime)
     made_of = " ".join((*published.values(), runtime, f"{threads} threads")) if published else ""
     return OnnxSession(session, chosen, path.stem, made_of)
 

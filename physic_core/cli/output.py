@@ -61,17 +61,13 @@ def format_table(rows: Sequence[tuple[str, ...]]) -> str:
 
 
 @contextmanager
-def collect_plugin_messages() -> Iterator[list[tuple[str, str]]]:
-    """Yield a list of the distinct INFO log messages of packages named ``physic_*``.
-
-    Each is a pair: what runs the network, as the attribute ``network_runtime`` of the record says ("CPU, onnxruntime
-    1.20"), or "" for a message about something else; and the message.
-    """
-    messages: list[tuple[str, str]] = []
+def collect_plugin_messages() -> Iterator[list[str]]:
+    """Yield a list of the distinct INFO log messages of packages named ``physic_*``."""
+    messages: list[str] = []
 
     class Listener(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
-            message = (getattr(record, "network_runtime", ""), record.getMessage())
+            message = record.getMessage()
             if record.name.startswith("physic_") and record.levelno == logging.INFO and message not in messages:
                 messages.append(message)
 
@@ -84,16 +80,6 @@ def collect_plugin_messages() -> Iterator[list[tuple[str, str]]]:
     finally:
         root.removeHandler(listener)
         root.setLevel(level)
-
-
-def print_messages(messages: Sequence[tuple[str, str]], verbose: bool) -> None:
-    """Print one line about the networks to stderr, or with ``verbose`` all messages."""
-    runtimes = ", ".join(dict.fromkeys(runtime for runtime, _ in messages if runtime))
-    if verbose:
-        for _, text in messages:
-            echo(text, err=True)
-    elif runtimes:
-        echo(f"networks: {runtimes}", err=True)
 
 
 def print_stage(name: str, done: int, total: int) -> None:

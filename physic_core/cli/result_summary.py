@@ -5,7 +5,6 @@ from __future__ import annotations
 import shutil
 import sys
 import textwrap
-from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from physic_core.cli.output import echo, format_table
 from physic_core.io.result_folder import REPORT_FILE
 from physic_core.io.results import PersonRecord, ResultRecord, read_record
 from physic_core.types import CheckResult, summarize_checks
-from physic_core.types.contacts import part_words
+from physic_core.types.contacts import likely_contacts
 from physic_core.types.results import distance_m, metres_text
 
 _HEAD = ("person", "grade", "distance", "likely contact", "why")
@@ -99,23 +98,13 @@ def _row(person: PersonRecord, record: ResultRecord) -> tuple[str, ...]:
 
 
 def _contact(person: PersonRecord) -> str:
-    """Return the shares of the body that probably touch each thing: "12 % floor, 3 % person 1; assumed: left foot".
-
-    For a result that does not state what is touched: "12 % of the body".
-    """
+    """Return the likely contacts, "left foot: floor, 0.97; ...", those of parts that no pixel shows last."""
     if distance_m(person.pelvis) is None:
         return "-"
-    percent = 100 / max(1, person.vertex_count)
     if not person.states_partners:
-        return f"{percent * person.contact_count:.0f} % of the body"
-    shares = defaultdict[str, float](float)
-    for one in person.contacts:
-        if one.likely and not one.assumed and one.partner.kind != "self":
-            partner = one.partner
-            shares[partner.title if partner.person is None else f"person {partner.person}"] += percent * one.vertices
-    unseen = dict.fromkeys(part_words(one.part) for one in person.contacts if one.likely and one.assumed)
-    found = ", ".join(f"{share:.0f} % {name}" for name, share in shares.items()) or "none"
-    return f"{found}; assumed: {', '.join(unseen)}" if unseen else found
+        return f"{person.contact_count} of {person.vertex_count} vertices"
+    texts = (likely_contacts(person.contacts, assumed=assumed) for assumed in (False, True))
+    return "; ".join(filter(None, texts)) or "none"
 
 
 def _reason(person: PersonRecord, checks: Sequence[CheckResult]) -> str:

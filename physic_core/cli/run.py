@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from physic_core.cli.arguments import AnyPath, configuration_options
-from physic_core.cli.output import collect_plugin_messages, echo, print_messages, print_stage, reserve_folder
+from physic_core.cli.output import collect_plugin_messages, echo, print_stage, reserve_folder
 
 
 class _Numbers(click.ParamType[Any]):
@@ -149,8 +149,9 @@ def run(
     if quiet:
         for text in result.warnings:
             echo(f"warning: {text}", err=True)
-    else:
-        print_messages(messages, verbose)
+    elif verbose:
+        for text in messages:
+            echo(text, err=True)
     if not quiet:
         from physic_core.cli.result_summary import print_summary
 

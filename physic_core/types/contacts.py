@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -83,6 +84,16 @@ class BodyContact:
     def __str__(self) -> str:
         sure = "" if self.probability is None else f", {self.probability:.2f}"
         return f"{part_words(self.part)}: {self.partner.title}{sure}{', assumed' if self.assumed else ''}"
+
+
+def likely_contacts(contacts: Iterable[BodyContact], *, assumed: bool) -> str:
+    """Return the likely contacts of a person as one text, "left foot: floor, 0.97; ...".
+
+    Args:
+        contacts: of the person.
+        assumed: whether those of parts that no pixel shows are wanted, or the others.
+    """
+    return "; ".join(str(one) for one in contacts if one.likely and one.assumed == assumed)
 
 
 _HIDDEN_BELOW = {

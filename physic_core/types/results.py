@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import InputError
 from physic_core.types.arrays import shape
-from physic_core.types.contacts import PARTNER_KINDS, part_words
+from physic_core.types.contacts import PARTNER_KINDS, likely_contacts
 from physic_core.types.records import Grade
 from physic_core.types.short_repr import ShortRepr
 
@@ -366,16 +366,11 @@ def person_rows(result: Reconstruction) -> list[dict[str, Any]]:
     Keys: person (index into the people of the result), main (True if the grade of the photo counts this person), grade,
     why (the checks that failed, with their values; if none, and the grade is not good, those not measured), distance_m
     (of the pelvis from the camera), stature_m (standing height), distance_sigma_m and stature_sigma_m (standard
-    deviations), contacts (body parts that are likely, one half or more, to touch something, each with what it touches)
-    and assumed (likely contacts of body parts that no pixel shows, not among the others). Distance and stature are None
-    without a body.
+    deviations), contacts (body parts that are likely, one half or more, to touch something, each with what it touches
+    and its probability) and assumed (likely contacts of body parts that no pixel shows, not among the others). Distance
+    and stature are None without a body.
     """
     return [{name: value(result, index) for name, value in _ROW.items()} for index in range(len(result.people))]
-
-
-def _contacts(person: Person, *, assumed: bool) -> str:
-    chosen = (one for one in person.contacts if one.likely and one.assumed == assumed)
-    return "; ".join(f"{part_words(one.part)}: {one.partner.title}" for one in chosen)
 
 
 def _why(result: Reconstruction, index: int) -> str:
@@ -420,8 +415,8 @@ _ROW: dict[str, Callable[[Reconstruction, int], Any]] = {
     "stature_sigma_m": lambda result, index: _millimetres(
         spread_m(result.people[index].stature, result.people[index].stature_sigma)
     ),
-    "contacts": lambda result, index: _contacts(result.people[index], assumed=False),
-    "assumed": lambda result, index: _contacts(result.people[index], assumed=True),
+    "contacts": lambda result, index: likely_contacts(result.people[index].contacts, assumed=False),
+    "assumed": lambda result, index: likely_contacts(result.people[index].contacts, assumed=True),
 }
 
 PERSON_COLUMNS = ("photo", *_ROW)

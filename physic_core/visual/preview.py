@@ -167,7 +167,7 @@ def summary_line(reconstruction: Reconstruction) -> str:
         f"grade: {reconstruction.grade or 'none'}",
         f"{camera.width} x {camera.height} px",
         f"focal length {math.sqrt(camera.fx * camera.fy):.0f} px, {camera.source}",
-        "scale of unknown certainty" if scene.scale_sigma is None else f"scale ±{100 * scene.scale_sigma:.0f} %",
+        _errors(reconstruction),
         *([f"changed by {100 * (scene.scale - 1):+z.1f} % in the joint fit"] if reconstruction.people else []),
     ]
     if scene.floor is None:
@@ -184,6 +184,15 @@ def summary_line(reconstruction: Reconstruction) -> str:
     count = len(reconstruction.warnings)
     facts.append(f"{count} warning{'' if count == 1 else 's'}" if count else "no warnings")
     return "  ·  ".join(facts)
+
+
+def _errors(reconstruction: Reconstruction) -> str:
+    """Return the errors of lengths, and of distances from the camera, to which that of the focal length adds."""
+    scale, distance = reconstruction.scene.scale_sigma, reconstruction.distance_sigma
+    if scale is None or distance is None:
+        return "scale of unknown certainty"
+    beside = f" (with the error of the focal length, distances from the camera ±{100 * distance:.0f} %)"
+    return f"scale ±{100 * scale:.0f} %{beside if distance > scale else ''}"
 
 
 def _title(reconstruction: Reconstruction) -> str:

@@ -64,12 +64,16 @@ def record(make: Callable[..., Reconstruction], tmp_path: Path) -> ResultRecord:
 
 
 def test_a_person_is_a_row(record: ResultRecord):
+    touches = (
+        "left foot: floor, 0.90; right foot: floor, 0.90; right hand: own head, 0.80; "
+        "left lower leg: floor, 0.80, assumed"
+    )
+    room = len(touches)
     assert summary_text(record, Path("out")).splitlines()[1:6] == [
-        "person  grade     distance      likely contact                       why",
-        "0       good      3.0 ± 0.2 m   51 % floor; assumed: left lower leg  balanced: left foot on floor, "
-        "right foot on floor",
-        "1       doubtful  12.5 ± 0.9 m  none                                 Limbs off their keypoints: 4.5 % "
-        "(limit 3.5 %); Lean angle: 50 % (limit 3.5 %)",
-        "2       bad       -             -                                    not measured: Supported",
+        f"person  grade     distance      {'likely contact':<{room}}  why",
+        f"0       good      3.0 ± 0.2 m   {touches}  balanced: left foot on floor, right foot on floor",
+        f"1       doubtful  12.5 ± 0.9 m  {'none':<{room}}  Limbs off their keypoints: 4.5 % (limit 3.5 %); "
+        "Lean angle: 50 % (limit 3.5 %)",
+        f"2       bad       -             {'-':<{room}}  not measured: Supported",
         "no body: only a hand is seen, box 1, 2, 30, 40, score 0.50",
     ]

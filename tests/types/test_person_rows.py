@@ -58,8 +58,8 @@ def test_a_row_says_where_a_person_is_and_what_is_known(two_people: Reconstructi
             "distance_sigma_m": 0.21,
             "stature_m": 1.723,
             "stature_sigma_m": 0.086,
-            "contacts": "left foot: floor; buttocks: left hand of person 1",
-            "assumed": "left lower leg: floor",
+            "contacts": "left foot: floor, 0.90; buttocks: left hand of person 1",
+            "assumed": "left lower leg: floor, 0.80, assumed",
         },
         {
             "person": 1,

@@ -6,7 +6,6 @@ import base64
 import hashlib
 import html
 import json
-import math
 import re
 from dataclasses import replace
 from importlib.resources import files
@@ -190,7 +189,7 @@ def test_a_page_has_no_address_and_is_small(make, people):
 
 def test_a_person_without_a_body_is_on_the_page(reconstruction):
     person = reconstruction.people[1]
-    lost = replace(person, vertices=person.vertices * np.nan, joints=person.joints * np.nan, score=math.nan)
+    lost = replace(person, vertices=person.vertices * np.nan, joints=person.joints * np.nan)
     result = replace(
         reconstruction,
         people=(reconstruction.people[0], lost),
@@ -198,7 +197,7 @@ def test_a_person_without_a_body_is_on_the_page(reconstruction):
     )
     data = data_of(report_html(result))
     assert data["bodies"]["people"][1] is None
-    assert (data["people"][1]["posed"], data["people"][1]["score"], data["people"][1]["others"]) == (False, None, [])
+    assert (data["people"][1]["posed"], data["people"][1]["others"]) == (False, [])
     assert data["people"][0]["others"] == []
     assert data["unposed"][0]["reason"] == "no pose fits the box"
 

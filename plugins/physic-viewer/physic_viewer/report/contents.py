@@ -24,6 +24,8 @@ from physic_viewer.report.people import people_records
 from physic_viewer.report.surfaces import MAX_FULL_BODIES, is_posed, pack_bodies, pack_scene, photo_jpeg
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from physic_core.types import CheckResult, Reconstruction, StageRecord
 
 _PHOTO_PX, _BACKGROUND_PX = 1600, 1280  # longer sides of the pictures in the page
@@ -68,11 +70,11 @@ def page_contents(reconstruction: Reconstruction, title: str) -> dict[str, Any]:
         ],
         "people": people_records(reconstruction),
         "main": [i for i in main_people([one.box for one in people]) if is_posed(people[i])],
-        "unposed": [{"box": one.box, "score": one.score, "reason": one.reason} for one in reconstruction.unposed],
+        "unposed": [{"box": one.box, "reason": one.reason} for one in reconstruction.unposed],
         "warnings": list(reconstruction.warnings),
         "notes": list(reconstruction.notes),
         "checks": [_check(check) for check in reconstruction.checks],
-        "stages": [_stage(stage) for stage in reconstruction.stages],
+        "licenses": _licenses(reconstruction.stages),
     }
     ready: dict[str, Any] = _finite(contents)
     return ready
@@ -90,18 +92,10 @@ def _check(check: CheckResult) -> dict[str, Any]:
     }
 
 
-def _stage(stage: StageRecord) -> dict[str, Any]:
-    backend = stage.provenance
-    return {
-        "name": stage.name,
-        "seconds": stage.seconds,
-        "load_seconds": stage.load_seconds,
-        "cached": stage.cached,
-        "failed": stage.failed,
-        "backend": backend and backend.backend,
-        "plugin": backend and f"{backend.distribution} {backend.version}",
-        "license": backend and backend.weights_license,
-    }
+def _licenses(stages: Sequence[StageRecord]) -> list[str]:
+    """Return stage and licence of the weights of each backend that states one."""
+    backends = ((stage.name, stage.provenance) for stage in stages if stage.provenance is not None)
+    return list(dict.fromkeys(f"{name}: {one.weights_license}" for name, one in backends if one.weights_license))
 
 
 def _finite(value: Any) -> Any:

@@ -43,7 +43,6 @@ class PersonRecord:
 
     Attributes:
         grade: of :class:`physic_core.types.Grade`, or None.
-        score: of the detection, in [0, 1].
         box: x0 y0 x1 y1 px, or None if the photo does not show the person.
         color: of the person's number, sRGB.
         tint: of the body, sRGB.
@@ -65,7 +64,6 @@ class PersonRecord:
     """
 
     grade: str | None
-    score: float
     box: list[float] | None
     color: list[int]
     tint: list[int]
@@ -105,7 +103,6 @@ def people_records(reconstruction: Reconstruction) -> list[dict[str, Any]]:
 def _record(person: Person, index: int) -> PersonRecord:
     return PersonRecord(
         grade=None if person.grade is None else str(person.grade),
-        score=float(person.score),
         box=[float(edge) for edge in person.box] if person.mask.any() else None,
         color=list(person_color(index)),
         tint=list(person_tint(index)),

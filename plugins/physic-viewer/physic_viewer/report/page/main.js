@@ -84,10 +84,12 @@ async function start() {
   const badge = byId("grade");
   badge.textContent = data.grade ? `grade: ${data.grade}` : "no grade";
   badge.classList.add(data.grade ?? "soft");
-  byId("summary").textContent = data.summary;
+  const byFocal = data.distance_sigma > data.scale_sigma
+    ? `; with the error of the focal length, distances from the camera ±${(100 * data.distance_sigma).toFixed(0)} %` : "";
+  byId("summary").textContent = data.summary + byFocal;
   showRemarks(byId("remarks"), data);
   showChecks(byId("checks"), data);
-  showStages(byId("stages"), data);
+  showLicenses(byId("licenses"), data);
   let stage = null, panel = null;
   const select = index => {
     showPeople(byId("people"), data, index, select);

@@ -1,4 +1,4 @@
-// The text beside the view: people, remarks, checks, stages.
+// The text beside the view: people, remarks, checks, licences.
 
 const STATE_CLASS = { failed: "bad", unknown: "doubtful", ok: "good" };
 
@@ -37,7 +37,6 @@ function personCard(data, index) {
       ["To the camera (pelvis)", metres(person.camera, person.distance_sigma)],
       ["Pelvis over the floor", data.floor ? metres(person.pelvis_height, data.scale_sigma) : "no floor"],
       ["Lowest point over the floor", data.floor ? metres(person.lowest, data.scale_sigma) : "no floor"],
-      ["Detection score", person.score === null ? "unknown" : person.score.toFixed(2)],
     ]));
     if (person.others.length) {
       card.append(element("h3", { textContent: "Distances to other people" }), table(
@@ -138,16 +137,8 @@ function showChecks(section, data) {
     element("p", { className: "soft", textContent: `With those of the people: ${data.checked}` }), ...checkList(checks));
 }
 
-function showStages(section, data) {
-  if (!data.stages.length) return;
-  const seconds = data.stages.reduce((sum, stage) => sum + (stage.seconds ?? 0), 0);
-  const rows = data.stages.map(stage => [
-    stage.name + (stage.cached ? " (from the cache)" : stage.failed ? " (failed)" : ""),
-    stage.backend === null ? "engine" : `${stage.backend}, ${stage.plugin}`,
-    `${(stage.seconds ?? 0).toFixed(1)} s`]);
-  const licenses = [...new Map(data.stages.filter(stage => stage.license).map(stage => [stage.backend + stage.name, stage])).values()];
-  section.replaceChildren(
-    element("h2", { textContent: `Stages: ${seconds.toFixed(1)} s` }), table(["stage", "backend", "time"], rows, ["time"]),
-    element("details", {}, element("summary", { textContent: "Licences of the weights" }),
-      element("ul", {}, ...licenses.map(stage => element("li", { textContent: `${stage.name}: ${stage.license}` })))));
+function showLicenses(section, { licenses }) {
+  if (!licenses.length) return;
+  section.replaceChildren(element("details", {}, element("summary", { textContent: "Licences of the weights" }),
+    element("ul", {}, ...licenses.map(text => element("li", { textContent: text })))));
 }

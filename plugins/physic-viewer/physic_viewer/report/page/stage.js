@@ -28,7 +28,7 @@ class Stage {
     const people = new THREE.Group();
     for (const body of this.bodies) if (body) people.add(body);
     this.assumed = data.assumed.map(one => makeAssumed(data, one));
-    people.add(...this.assumed);
+    for (const slab of this.assumed) people.add(slab);
     this.root.updateMatrixWorld(true);
     this.groups = { mesh, points, backdrop, people, camera: makeFrustum(data, photo) };
     this.root.add(...Object.values(this.groups));
