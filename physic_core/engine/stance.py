@@ -7,8 +7,8 @@ map is farther away. This holds in any unit and wherever people are placed. The 
 
 At the pixels of a foot on the ground, the depth map of the photo and that of the scene without people nearly agree: the
 ground continues behind the foot. A foot in the air has a gap, the logarithm of the ratio of both depths. A foot on a
-seat or a table also has one: where surface labels show these around the foot, its gap says nothing of the floor. A gap
-larger than any foot can have shows that the photo's depth of the person is wrong.
+seat or a table also has one: where surface labels show these around the foot, its gap is no evidence of the floor. A
+gap larger than any foot can have shows that the photo's depth of the person is wrong.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class Stance(ShortRepr):
 
     @property
     def depth_beside(self) -> FloatArray:
-        """Feature (N, 5) of feet, hands and seat: 0 where nothing is known of the depth beside them."""
+        """Feature (N, 5) of feet, hands and seat: 0 where the depth beside them is unknown."""
         return np.clip(np.nan_to_num(self.beside, nan=_USUAL_BESIDE), 0.0, _MOST_BESIDE) - _USUAL_BESIDE
 
     @property
@@ -230,8 +230,8 @@ def _height_px(mask: Tensor) -> float:
 def standing_prior(touch: FloatArray, gap: FloatArray, on_furniture: BoolArray | None) -> tuple[FloatArray, FloatArray]:
     """Return the probability that feet stand on the floor, and that the photo's depth of people is right.
 
-    The first is (N, 2), before any floor is known; the second (N,). A gap that is too large for a foot in the air says
-    that the depth is wrong, and nothing of the foot.
+    The first is (N, 2), before any floor is known; the second (N,). A gap that is too large for a foot in the air shows
+    that the depth is wrong, and is no evidence about the foot.
 
     Args:
         touch: (N, 2) probability that the feet touch something, by keypoints alone.

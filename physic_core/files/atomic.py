@@ -63,7 +63,7 @@ class AtomicWrite:
 def atomic_write(folder: Path) -> Iterator[AtomicWrite]:
     """Yield a function from a file name to a temporary path; on success, rename all temporary files.
 
-    The folder is locked meanwhile: another write waits. Each file is atomic, and not all of them together.
+    The folder is locked meanwhile: another write waits. Each file is atomic, but the set of files is not.
 
     Args:
         folder: of the files; it must exist.

@@ -231,7 +231,7 @@ FEET_WINDOW = 0.08
 """Half side of the pixel window around each foot, as a share of the long image side."""
 
 MASK_SLACK = 1.5
-"""Factor on the tolerance of pixels that are said to be floor: depth networks bend floors."""
+"""Factor on the tolerance of pixels labelled or masked as floor: depth networks bend floors."""
 
 _TOLERANCE = 0.02  # largest error of an inlier, as a share of the range of inverse depth
 _LEAST_RISE = 0.05  # least increase of inverse depth from top to bottom, as a share of its range

@@ -93,7 +93,8 @@ class NearestPointSearch:
     def lookup(self, places: Tensor, radius: float) -> tuple[Tensor, Tensor]:
         """Return the index (n,) of the nearest of the unscaled points to each place (n, 3), and its distance (n,).
 
-        A subclass may search in another way. Beyond the radius both may be anything, but the distance not smaller.
+        A subclass may search in another way. Beyond the radius, the index may be any, and the distance any that is
+        larger than the radius.
         """
         distance, index = self.tree.query(places.cpu().double().numpy(), distance_upper_bound=radius)
         index = np.where(np.isfinite(distance), index, 0)  # SciPy returns the number of points if none is found

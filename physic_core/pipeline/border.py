@@ -69,7 +69,7 @@ def _bar(rows: UInt8Array) -> int:
 
 
 def cut_camera(camera: Intrinsics, size: tuple[int, int], inside: Inside) -> Intrinsics:
-    """Return the camera of the picture inside. A principal point in the centre of the whole goes to its centre.
+    """Return the camera of the picture inside; a principal point in the centre of the photo moves to its centre.
 
     Args:
         camera: of the whole photo.

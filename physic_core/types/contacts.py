@@ -8,8 +8,8 @@ from enum import StrEnum
 
 PARTNER_KINDS = ("floor", "scene", "person", "self", "hidden", "object")
 """Kinds of :class:`ContactPartner`: the floor or ground; a part of the scene; another person; the own body; a support
-that the reconstructed scene does not have, such as a seat behind the person or a thin bar; a small object in somebody's
-hands or on their lap, which is not part of the scene."""
+that the reconstructed scene does not have, such as a seat behind the person or a thin bar; a small object in hands or
+on a lap, which is not part of the scene."""
 
 NO_PARTNER = -1
 """Entry of ``Person.contact_partner`` for a vertex that is not in contact."""

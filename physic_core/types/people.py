@@ -131,8 +131,8 @@ SURFACE_NAMES = (
 )
 """Vocabulary of :class:`SurfaceLabels`. "floor" is indoors, "ground" outdoors: road, pavement, grass, earth, sand.
 "wall" includes doors, curtains, pictures and the outside of buildings. "seat" is a chair, armchair, sofa, bench or
-stool. "cabinet" includes shelves and other storage. "vegetation" is trees and plants, and not grass. "object" is a
-thing of no other name."""
+stool. "cabinet" includes shelves and other storage. "vegetation" is trees and plants, and not grass. "object" is
+anything without another name."""
 
 
 @dataclass(frozen=True)

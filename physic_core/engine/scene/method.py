@@ -79,7 +79,7 @@ class SceneMethod:
         uses_pointmap: whether the scene is the aligned point map rather than the metric depth alone.
         alignment: options of Eq. 1.
         min_floor_share: minimum inlier share of an accepted floor.
-        rescales_depth: whether metric depth gets the scale that it and the people say together, or keeps its own.
+        rescales_depth: whether metric depth gets the scale of the vote with the people, or keeps its own.
     """
 
     far_m: PositiveOrInfinite = 50.0

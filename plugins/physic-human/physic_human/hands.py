@@ -121,7 +121,7 @@ def chumpy_free_copy(path: str | Path, family: Literal["smpl", "mano"]) -> Itera
     """Yield the path of a chumpy-free copy of a body model, for ``pickle.load(file, encoding="latin1")`` and smplx.
 
     The copy exists only inside the block, in a new folder that only the user can open. It is a pickle, so it is not
-    cached. It has the name of the original, by which smplx tells right hands.
+    cached. It has the name of the original, by which smplx recognises right hands.
 
     Args:
         path: the user's file, a published ``.pkl`` or ``.npz``.

@@ -210,7 +210,7 @@ def _translations(found: dict[str, FloatArray]) -> FloatArray:
     """Return translations (N, 3) in metres for every version of the file.
 
     In v0.2.0 they are relative to the mean of the points to which the body was fitted. The distance from the pelvis to
-    the body's origin tells the version.
+    the body's origin shows the version.
     """
     pelvis, transl = found["joints3d"][:, 0] / _MM, found["trans"]
     if np.nanmedian(np.linalg.norm(pelvis - transl, axis=1)) < _PELVIS_REACH_M:

@@ -11,8 +11,8 @@ person's keypoints in the reference frame. Residuals, in units of their expected
 * focal lengths against those of the photos, which share a part of their error.
 
 The sizes are those of ``measured_errors.json``. The mean length of all bones gives the scale, after the adjustment:
-points are means of bodies that are turned against each other, and thereby come out smaller. Solved by
-Levenberg-Marquardt steps on sparse normal equations.
+points are means of bodies with different errors of rotation, which makes them too small. Solved by Levenberg-Marquardt
+steps on sparse normal equations.
 """
 
 from __future__ import annotations

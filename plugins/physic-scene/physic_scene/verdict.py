@@ -39,7 +39,7 @@ _CHECKS = {
         CheckSpec("view_height", "Camera height over other floors, off", "at most", 0.6, "log"),
     )
 }
-_INSIDE = 0.9  # least share of a person's keypoints in the frame of a photo that ought to show the person
+_INSIDE = 0.9  # least share of a person's keypoints in the frame of a photo that should show the person
 _NOBODY = 0.4  # least distance from other people of a place that counts as empty, as a share of the stature in px
 _NEAREST_M = 0.5  # of a person whom a photo may show
 

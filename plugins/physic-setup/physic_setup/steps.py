@@ -101,7 +101,7 @@ def setup_steps(config: Config, preset: str, folder: Path, missing: tuple[str, .
 
     Args:
         config: of the preset, or of the file that an earlier setup wrote.
-        missing: distributions that the configuration needs for another thing than a backend.
+        missing: distributions that the configuration needs other than for a backend.
         preset: that the written configuration extends.
         folder: for checkouts, files of the user and the configuration.
 

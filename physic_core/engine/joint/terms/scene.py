@@ -159,7 +159,7 @@ class FloorTerm:
         below = -snapshot.contacts.height.amin(1, keepdim=True).clamp(max=0.0)
         invisible = torch.where(below < _MAX_FLOOR_DEPTH_M, _UNSEEN_FLOOR_SHARE * area, torch.zeros_like(area))
         weight = torch.where(snapshot.visibility.eligible, area, invisible)
-        # People far below contradict the floor or the scene's scale: they shall not draw it away from the others.
+        # People far below contradict the floor or the scene's scale, and must not draw it away from the others.
         weight = weight / (1 + (below / _MAX_FLOOR_DEPTH_M).square())
         self.weights = {"floor": torch.zeros_like(area) if self._context.problem.floor_normal is None else weight}
 

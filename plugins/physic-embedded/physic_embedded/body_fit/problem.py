@@ -39,8 +39,8 @@ class FitSettings:
         sigma_3d: of a 3D landmark in metres: right, down, and away from the camera; the same.
         shape_weight: on the squared shape components about the shape of a mean adult; with 1, landmark noise shows as
             odd bodies.
-        stature_sigma: metres of the stature about the mean adult's, as far as the photo may show it. Landmarks say
-            nothing about it: their bones are as long for short people as for tall ones.
+        stature_sigma: metres of the stature about the mean adult's, as far as the photo may show it. Landmarks are no
+            evidence: their bones are as long for short people as for tall ones.
         size_sigma: logarithm of how much larger or smaller the network draws its landmarks.
         lean_sigma: radians of the landmarks' lean towards the camera, where it is free.
         upright_sigma: radians between the line from ankles to neck and the vertical, seen from the side.

@@ -44,7 +44,7 @@ MIN_BOX_FIT = 0.15
 MIN_WEAK_FIT = 0.3
 """The same for a box with a weak score."""
 SAME_THING = 0.7
-"""Least intersection over union of a box of a person and one of an animal or a board, both of which show one thing."""
+"""Least intersection over union at which a box of a person and one of an animal or a board show the same object."""
 MIN_MASK_FIT = 0.45
 """Least intersection over union of a box and the mask of an upper half."""
 MAX_MIRROR_GAP = 0.025
