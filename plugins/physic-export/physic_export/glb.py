@@ -15,7 +15,7 @@ from physic_core.visual.glb import Appearance, body_material, build_glb, glb_not
 from physic_core.visual.palette import BODY_RGB
 from physic_core.visual.rig import rigs
 from physic_core.visual.textures.photo import encode_image
-from physic_export.skeleton import bone_names, t_pose
+from physic_export.skeleton import bone_names, t_pose, with_ends
 from physic_export.skins import Skins, skins_of
 
 if TYPE_CHECKING:
@@ -44,6 +44,8 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
     prefix = "mixamorig:" if options["names"] == "mixamo" else ""
     names = tuple(prefix + name for name in bone_names(str(options["names"])))
     skins = {index: replace(rig, names=names) for index, rig in rigs(request)}
+    if options["names"] == "mixamo":
+        skins = {index: with_ends(rig) for index, rig in skins.items()}
     colors = skins_of(request)
     textured = colors.textured
 
@@ -83,7 +85,7 @@ def add_animation(
     Args:
         glb: the file.
         seconds: time of each pose.
-        skeletons: indices of the 55 joints, and their pose at each time.
+        skeletons: indices of the joints, and their pose at each time.
     """
     times = glb.accessor(np.array(seconds, np.float32), bounds=True)
     samplers: list[dict[str, Any]] = []

@@ -68,6 +68,7 @@ _UNITY = {
     "wrist": "Hand",
     "eye": "Eye",
 }
+_SHORTEST_M = 0.01
 _SEGMENTS = {"1": "Proximal", "2": "Intermediate", "3": "Distal"}
 
 
@@ -94,6 +95,41 @@ def _name(joint: str, style: str) -> str:
     if style == "mixamo":
         return f"{side.capitalize()}Hand{finger.capitalize()}{number}"
     return side.capitalize() + finger.replace("pinky", "little").capitalize() + _SEGMENTS[number]
+
+
+def with_ends(rig: Rig) -> Rig:
+    """Return a rig of Mixamo's names with the joints that end its chains: crown, toes and finger tips.
+
+    They move no vertex. Each lies where the skin of its parent ends, in the direction of the parent's bone; that of the
+    head lies above it.
+    """
+    prefix = rig.names[0].removesuffix("Hips")
+    ends = {f"{prefix}Head": f"{prefix}HeadTop_End"}
+    for side in ("Left", "Right"):
+        ends[f"{prefix}{side}ToeBase"] = f"{prefix}{side}Toe_End"
+        for finger in ("Thumb", "Index", "Middle", "Ring", "Pinky"):
+            ends[f"{prefix}{side}Hand{finger}3"] = f"{prefix}{side}Hand{finger}4"
+    parents = tuple(rig.names.index(name) for name in ends)
+    bind = np.linalg.inv(rig.inverse_bind)
+    rest, poses, offsets = bind[:, :3, 3], [], []
+    for parent in parents:
+        before = rest[rig.parents[parent]]
+        along = np.array([0.0, 1.0, 0.0]) if parent == parents[0] else rest[parent] - before
+        along = along / np.linalg.norm(along)
+        length = ((rig.vertices[rig.weights[:, parent] > 0.5] - rest[parent]) @ along).max(initial=_SHORTEST_M)
+        pose = bind[parent].copy()
+        pose[:3, 3] += length * along
+        poses.append(np.linalg.inv(pose))
+        offsets.append(bind[parent, :3, :3].T @ (length * along))
+    return replace(
+        rig,
+        names=(*rig.names, *ends.values()),
+        parents=(*rig.parents, *parents),
+        weights=np.pad(rig.weights, ((0, 0), (0, len(ends)))),
+        inverse_bind=np.concatenate([rig.inverse_bind, poses]),
+        rotations=np.concatenate([rig.rotations, np.tile(np.eye(3), (len(ends), 1, 1))]),
+        offsets=np.concatenate([rig.offsets, offsets]),
+    )
 
 
 def t_pose(rig: Rig, up: NDArray[np.float64]) -> Rig:

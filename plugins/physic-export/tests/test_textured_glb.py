@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from physic_core import Reconstruction
+from physic_core import ExportRequest, Reconstruction
 from physic_core.errors import InputError
-from physic_export.skeleton import BONE_NAMES, bone_names
+from physic_core.visual.export.request import export_frame
+from physic_core.visual.rig import rigs
+from physic_export.skeleton import BONE_NAMES, bone_names, skinned, t_pose, with_ends
 
 pygltflib = pytest.importorskip("pygltflib")
 
@@ -70,7 +73,26 @@ def test_the_animation_has_a_t_pose_and_the_pose(tree):
 def test_bones_have_the_names_of_the_option(tree, export):
     assert [tree.nodes[joint].name for joint in tree.skins[0].joints] == list(bone_names("unity"))
     other = pygltflib.GLTF2().load(str(export("a.glb", names="mixamo", scene=False).files[0]))
-    assert [other.nodes[joint].name for joint in other.skins[0].joints][:2] == ["mixamorig:Hips", "mixamorig:LeftUpLeg"]
+    names = [other.nodes[joint].name for joint in other.skins[0].joints]
+    assert names[:2] == ["mixamorig:Hips", "mixamorig:LeftUpLeg"]
+    ends = ["HeadTop_End", "LeftToe_End", "RightHandPinky4"]
+    assert {f"mixamorig:{name}" for name in ends} < set(names[55:])
+    assert len(names) == 68
+
+
+def test_the_end_joints_of_mixamo_are_where_the_skin_ends_and_move_none(result: Reconstruction):
+    request = ExportRequest(result, (0,), export_frame(result.scene.floor, "y"), "a", ".glb")
+    ((_, rig),) = rigs(request)
+    whole = with_ends(replace(rig, names=bone_names("mixamo")))
+    up = np.array([0.0, 1.0, 0.0])
+    plain, standing = t_pose(rig, up), t_pose(whole, up)
+    np.testing.assert_allclose(skinned(standing), skinned(plain), atol=1e-9)
+    places = dict(zip(standing.names, standing.world()[:, :3, 3], strict=True))
+    body = skinned(standing)
+    assert places["HeadTop_End"][1] == pytest.approx(body[:, 1].max(), abs=0.02)
+    assert places["LeftToe_End"][1] < 0.1
+    for name in ("LeftToe_End", "RightToe_End", "LeftHandIndex4", "RightHandMiddle4"):
+        assert np.linalg.norm(body - places[name], axis=1).min() < 0.02
 
 
 UNITY = """Hips LeftUpperLeg RightUpperLeg LeftLowerLeg RightLowerLeg LeftFoot RightFoot Spine Chest UpperChest Neck
