@@ -38,14 +38,19 @@ test = [
 _TEST = """\
 from physic_testing import parametrize_with_checks
 
+
 # A check that is known to fail is listed with the reason: `expected_failures={{"name_of_the_check": "why"}}`.
-# Without its weights a backend is not called: test it with a network that knows the truth, which
-# `physic_testing.world_of(image)` tells, and state `capabilities={{"exact"}}`, so that the errors have close limits.
-
-
 @parametrize_with_checks("{interface}", "{backend}")
 def test_conformance(check):
     check()
+
+
+# Test the wrapper of a network without its weights, too: `WithTruth` is a subclass of {class_name} whose network
+# knows the truth, which `physic_testing.world_of(image)` tells. Its errors have close limits.
+#
+# @parametrize_with_checks("{interface}", WithTruth, capabilities={{"exact"}})
+# def test_wrapper(check):
+#     check()
 """
 
 
