@@ -62,7 +62,7 @@ def test_a_new_plugin_passes_its_tests(tmp_path, monkeypatch):
 def test_a_scaffolded_backend_passes_the_kit(interface: str):
     kind = importlib.import_module(f"physic_testing.scaffold.{interface}").Template
     assert kind.written_for == INTERFACES[interface].api
-    report = check_backend(kind)
+    report = check_backend(kind, size=(160, 120))
     assert report.ok, report.text
 
 

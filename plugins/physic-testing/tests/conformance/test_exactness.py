@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from right_backends import SIZE
 
 from physic_mock import backends as mocks
 from physic_testing.conformance.backend_under_test import find_backend
@@ -21,8 +22,7 @@ def is_exact(mock: type, change: Any, **settings: Any) -> Result:
         def infer(self, image: Any, *rest: Any) -> Any:
             return change(super().infer(image, *rest), image)
 
-    subject = find_backend(Changed, None, options={"noise": 0}, **settings)
-    return start_checks(subject).result("is_exact")
+    return start_checks(find_backend(Changed, None, size=SIZE, **settings)).result("is_exact")
 
 
 def turned_back(answer: Any, image: Any) -> Any:
@@ -65,10 +65,8 @@ def test_a_backend_that_is_wrong_about_the_scale_alone_is_judged_by_its_mean():
 
 
 def test_noise_makes_no_perfect_network():
-    assert (
-        start_checks(find_backend(mocks.MockMetricDepth, None, options={"noise": 1})).result("is_exact").reason
-        == "not exact"
-    )
+    noisy = find_backend(mocks.MockMetricDepth, None, size=SIZE, options={"noise": 1})
+    assert start_checks(noisy).result("is_exact").reason == "not exact"
 
 
 def test_limits_of_a_declared_backend_are_its_own():

@@ -10,6 +10,7 @@ from wrong_backends import WRONG
 from physic_core.errors import BackendError, ConfigError
 from physic_testing import check_backend
 from physic_testing.conformance import Report, Result, checks_for
+from physic_testing.conformance.backend_under_test import find_backend
 from physic_testing.conformance.compare import compare
 
 CENTIMETRES = next(m.kind for m in WRONG if m.mistake == "centimetres" and m.kind.interface == "metric_depth")
@@ -64,9 +65,9 @@ def test_a_name_a_target_a_class_and_an_instance_are_the_same_backend(site):
         (RightMetricDepth, None),
         (RightMetricDepth(), None),
     ):
-        report = check_backend(backend, interface, size=SIZE)
-        assert report.ok, report.text
-        assert report.interface == "metric_depth"
+        subject = find_backend(backend, interface, size=SIZE)
+        assert (subject.kind, subject.interface) == (RightMetricDepth, "metric_depth")
+    assert check_backend("right", size=SIZE).ok
 
 
 def test_a_name_of_several_interfaces_needs_the_interface(site):
