@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body.convert.correspondence import CORRESPONDENCE_VERSION, Correspondence, find_correspondence
-from physic_core.cache.folders import claimed_cache
+from physic_core.cache.folders import claimed_cache, plain_name
 from physic_core.errors import OutputError
 from physic_core.files.plain import DamagedFileError, read_value, write_value
 
@@ -28,7 +28,7 @@ def cached_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
     """
     kept, path = claimed_cache("correspondences"), None
     if kept is not None:
-        path = kept.path / f"{_plain(rest.topology)}-{model.topology}-{_digest(rest, model)}{kept.suffix}"
+        path = kept.path / f"{plain_name(rest.topology)}-{model.topology}-{_digest(rest, model)}{kept.suffix}"
     found = None if path is None else _read(path, model.num_vertices, len(rest.vertices))
     if found is None:
         found = find_correspondence(rest, model)
@@ -58,7 +58,3 @@ def _write(path: Path, found: Correspondence) -> None:
     """Store a map; a disk error is ignored, since the map can be computed again in seconds."""
     with suppress(OSError, OutputError):
         write_value(path, found, {"name": path.name})
-
-
-def _plain(name: str) -> str:
-    return "".join(c if c.isalnum() or c in "-_" else "_" for c in name)[:40]

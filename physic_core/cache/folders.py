@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 import shutil
 import stat
 import sys
@@ -128,6 +129,11 @@ def cache_folder(name: str, variable: str = "") -> Path | None:
         else:
             base = str(home / ("Library/Caches" if sys.platform == "darwin" else ".cache"))
     return Path(base) / "physic" / name
+
+
+def plain_name(text: str) -> str:
+    """Convert the name of a backend, a network or a mesh to a part of a file name."""
+    return re.sub(r"[^\w.-]+", "_", text)[:60]
 
 
 def users_cache(name: str) -> LruFolder | None:

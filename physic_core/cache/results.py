@@ -12,7 +12,6 @@ folder, or to "off".
 from __future__ import annotations
 
 import copy
-import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -25,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physic_core.cache.digests import CodeDigester, Digester, files_named_by
-from physic_core.cache.folders import CACHES, LruFolder, claimed_cache
+from physic_core.cache.folders import CACHES, LruFolder, claimed_cache, plain_name
 from physic_core.discovery.entry_points import required_versions
 from physic_core.errors import OutputError
 from physic_core.files.npz import MAX_ARRAY_BYTES
@@ -153,12 +152,14 @@ class ResultCache:
             name = self._digester.digest(_VERSION, parts, inputs)
         except TypeError:
             return None
-        return CacheKey(f"{who.interface}-{_plain(who.backend)}-{name}{self._files.suffix}", parts)
+        return CacheKey(f"{who.interface}-{plain_name(who.backend)}-{name}{self._files.suffix}", parts)
 
     def network_key(self, name: str, made_of: str, inputs: Mapping[str, NDArray[Any]]) -> CacheKey:
         """Compute the cache key of the outputs of a network; see :mod:`physic_core.cache.results`."""
         digest = Digester().digest(_VERSION, made_of, inputs)  # a separate one does not keep the inputs alive
-        return CacheKey(f"network-{_plain(name)}-{digest}{self._files.suffix}", {"interface": "network", "name": name})
+        return CacheKey(
+            f"network-{plain_name(name)}-{digest}{self._files.suffix}", {"interface": "network", "name": name}
+        )
 
     def read(self, key: CacheKey) -> object | None:
         """Read a cached result; None if the cache has none. Delete a file that is damaged or has another key."""
@@ -211,11 +212,6 @@ class ResultCache:
         if self._written:
             self._files.trim(self._limit)
             self._written = False
-
-
-def _plain(name: str) -> str:
-    """Convert a backend's name to a part of a file name."""
-    return re.sub(r"[^\w.-]+", "_", name)[:60]
 
 
 _CACHE: ContextVar[ResultCache | None] = ContextVar("cache of network results", default=None)

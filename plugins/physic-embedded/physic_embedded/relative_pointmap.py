@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.canonical_depth import known_camera
-from physic_core.adapters.pictures import resize_map
+from physic_core.adapters.pictures import dilate, resize_map
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options, RelativePointmap
 from physic_core.types import CameraTrust, Intrinsics, Pointmap
@@ -38,6 +38,7 @@ _SKY_DISPARITY = 0.004  # ranges: the network answers 0 for the sky
 _MIN_RELIABLE_GAP = 0.01  # ranges; beyond, the noise of the network is larger than its signal
 
 _SURE_FOCAL_SIGMA = 0.1  # of log focal length: up to it, vanishing points count as an estimate
+_BLEEDS = 0.015  # of the long side: the depth of a person beyond the outline
 _PEOPLE_FARTHER = (0.180, 0.123)  # median and spread of 166 people on their feet in labelled photos
 
 
@@ -225,7 +226,9 @@ def _match_to_scene(raw: FloatArray, hints: Hints) -> _SceneMatch | None:
     target = cv2.resize((1 / z).astype(np.float32), (columns, rows), interpolation=cv2.INTER_NEAREST)
     usable = target > 0
     if hints.people is not None and len(hints.people):
-        usable &= ~_shrink_mask(_dilate(np.asarray(hints.people.masks.any(0))), rows, columns)
+        anybody = np.asarray(hints.people.masks.any(0))
+        wider = dilate(anybody, max(2, round(_BLEEDS * max(anybody.shape))))
+        usable &= ~_shrink_mask(wider, rows, columns)
     if usable.mean() < 0.05:
         return None
     x, y = raw[usable].astype(np.float64), target[usable].astype(np.float64)
@@ -243,12 +246,3 @@ def _match_to_scene(raw: FloatArray, hints: Hints) -> _SceneMatch | None:
     if slope <= 0:
         return None
     return _SceneMatch(float(-shift / slope), float(slope))
-
-
-def _dilate(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Dilate a mask by 1.5 % of the long side, because the depth of a person bleeds over its outline."""
-    import cv2
-
-    reach = max(2, round(0.015 * max(mask.shape)))
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
-    return np.asarray(cv2.dilate(mask.astype(np.uint8), disc) > 0)

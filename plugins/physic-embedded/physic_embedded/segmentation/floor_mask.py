@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.adapters.pictures import dilate
 from physic_embedded.networks.mobile_sam import predict_masks
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ def ground_points(poses: Sequence[Pose], people: Bool, reach: float = 0.45) -> F
     low, high = margin, np.array([width, height]) - 1 - margin
     at = at[((at >= low) & (at <= high)).all(axis=1)]
     x, y = np.rint(at).astype(int).T
-    return np.asarray(at[~_dilate(people, int(margin))[y, x]])
+    return np.asarray(at[~dilate(people, int(margin))[y, x]])
 
 
 def floor_mask(
@@ -133,12 +134,3 @@ def _plausibility(mask: Bool, points: Float, people: Bool, poses: Sequence[Pose]
     shoulders = [p.points[[11, 12], 1].mean() for p in poses if visible_feet(p, width, height)]
     high = mask[: max(0, int(np.median(shoulders)))].sum() / area
     return float(held - on_people - high + 0.3 * area / mask.size)
-
-
-def _dilate(mask: Bool, radius: int) -> Bool:
-    """Dilate a mask by a disc."""
-    import cv2
-
-    side = 2 * radius + 1
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
-    return np.asarray(cv2.dilate(mask.astype(np.uint8), disc) > 0)
