@@ -59,14 +59,12 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
         format_missing,
         missing_file_messages,
         missing_gpu,
-        named_weights,
         resolve,
     )
-    from physic_core.weights.find import size_mismatches
 
     found = load_config(file, preset=preset, overrides=overrides)
     plan = resolve(found)
-    files, device, sets = missing_file_messages(plan), missing_gpu(plan), named_weights(plan)
+    files, device = missing_file_messages(plan), missing_gpu(plan)
     path = found.body_model.path
     if path is not None and Path(path).exists():
         from physic_core.body import load_body
@@ -77,12 +75,6 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
         echo(format_missing((*files, *device), "; a run would stop"))
     if files and preset:
         echo(f"`physic setup {preset}` prints the steps to get them")
-    pinned = [file.is_pinned for weights in sets for file in weights.files]
-    if files and not all(pinned):
-        echo(f"note: {pinned.count(False)} of {len(pinned)} weight files are published without a SHA-256 or a revision")
-    for weights in sets:
-        if text := size_mismatches(weights):
-            echo(f"note: weights '{weights.name}' were found, but {text}")
     ctx.exit(WEIGHTS if files else USAGE if device else 0)
 
 

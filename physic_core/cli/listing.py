@@ -19,7 +19,6 @@ from physic_core.errors import BackendError
 if TYPE_CHECKING:
     from physic_core.discovery.entry_points import Offer
     from physic_core.interfaces import Backend
-    from physic_core.weights.manifest import WeightSet
 
 
 def plugins_table(interface: str | None = None) -> str:
@@ -61,26 +60,15 @@ def _status(kind: type[Backend]) -> str:
 
 
 def _weights(offer: Offer, kind: type[Backend]) -> list[tuple[str, str]]:
-    """Return the licences, homepages and files of the weights in a backend's default options."""
+    """Return the licences and homepages of the weights in a backend's default options."""
     from physic_core.weights.library import licence_text, named_sets
 
     defaults = {name: field.get_default() for name, field in kind.Options.model_fields.items()}
     sets = named_sets(offer.distribution, defaults)
     found = [("weights", licence_text(sets) or kind.weights_license or "none")]
     for one in sets:
-        found += [("homepage", one.homepage), ("files", _files(one))]
+        found.append(("homepage", one.homepage))
     return list(dict.fromkeys(found))
-
-
-def _files(weights: WeightSet) -> str:
-    """Return the paths of the files of a weight set, or the folders that are searched."""
-    from physic_core.weights.find import common_folder, describe_search_folders, locate_files
-
-    here = locate_files(weights)
-    if len(here) < len(weights.files):
-        return f"'{weights.name}' is missing; searched: {describe_search_folders(weights.name)}"
-    folder = common_folder(here)
-    return ", ".join(map(str, here.values() if folder is None else [folder]))
 
 
 def _options(model: Any) -> list[str]:

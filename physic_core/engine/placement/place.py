@@ -65,7 +65,7 @@ class PlacedBodies:
 
 @dataclass(frozen=True)
 class PeopleObservations:
-    """Observed keypoints, 3D points and masks of B people.
+    """What B people are placed by: of the :class:`ObservedPeople`, the keypoints that the method uses with its weights.
 
     Attributes:
         keypoints: (B, J, 2) px.
