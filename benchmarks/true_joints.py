@@ -70,7 +70,7 @@ class TrueJoints(KeypointDetector):
         columns, count = [names.index(name) for name in LIMB_JOINTS], len(people)
         points, world = np.zeros((count, len(names), 2)), np.zeros((count, len(names), 3))
         confidence = np.zeros((count, len(names)))
-        overlap = box_iou(people.boxes, box_of(seen)[None])[:, 0]
+        overlap = box_iou(people.boxes, box_of(np.asarray(seen, np.float64))[None])[:, 0]
         if count and overlap.max() >= MIN_IOU:
             person = int(overlap.argmax())
             points[person, columns], world[person, columns], confidence[person, columns] = seen, self.world, 1.0
@@ -129,7 +129,7 @@ def errors_of(sample: Sample, error_mm: float, seed: int) -> list[float] | None:
         print(f"{sample.name}: {error}", file=sys.stderr)
         return None
     boxes = np.array([person.box for person in result.people]).reshape(-1, 4) * width / result.image.shape[1]
-    overlap = box_iou(boxes, box_of(detector.points)[None])[:, 0]
+    overlap = box_iou(boxes, box_of(np.asarray(detector.points, np.float64))[None])[:, 0]
     if not len(boxes) or overlap.max() < MIN_IOU:
         return None
     person = int(overlap.argmax())
