@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Iterator, Sequence
+import sys
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -82,9 +83,19 @@ def collect_plugin_messages() -> Iterator[list[str]]:
         root.setLevel(level)
 
 
-def print_stage(name: str, done: int, total: int) -> None:
-    """Print one line to stderr when a stage begins; the callback ``progress`` of a pipeline."""
-    echo(f"[{done + 1}/{total}] {name}", err=True)
+@contextmanager
+def show_progress(quiet: bool) -> Iterator[Callable[[str, int, int], None] | None]:
+    """Yield the callback ``progress`` of a pipeline: on stderr, a bar with the time on a terminal, otherwise lines."""
+    if quiet or not sys.stderr.isatty():
+        yield None if quiet else lambda name, done, total: echo(f"[{done + 1}/{total}] {name}", err=True)
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description:<24}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("starting", total=None)
+        yield lambda name, done, total: bar.update(task, description=name, completed=done, total=total)
 
 
 @contextmanager

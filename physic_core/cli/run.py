@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from physic_core.cli.arguments import AnyPath, configuration_options
-from physic_core.cli.output import collect_plugin_messages, echo, print_stage, reserve_folder
+from physic_core.cli.output import collect_plugin_messages, echo, reserve_folder, show_progress
 
 
 class _Numbers(click.ParamType[Any]):
@@ -135,8 +135,8 @@ def run(
     with reserve_folder(folder, file_digest(photo), overwrite=overwrite):
         from physic_core.pipeline.run import reconstruct
 
-        with collect_plugin_messages() as messages:
-            result = reconstruct(photo, plan, progress=None if quiet else print_stage)
+        with collect_plugin_messages() as messages, show_progress(quiet) as progress:
+            result = reconstruct(photo, plan, progress=progress)
         from physic_core.io.result_folder import PEOPLE_TABLE, people_csv
         from physic_core.io.results import save_reconstruction
 

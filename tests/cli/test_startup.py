@@ -15,7 +15,7 @@ except SystemExit as end:
 heavy = {{m.partition('.')[0] for m in sys.modules}} & {banned!r}
 print("heavy:", sorted(heavy))
 """
-HEAVY = {"torch", "numpy", "scipy", "cv2", "onnxruntime", "PIL", "trimesh", "roma", "kornia"}
+HEAVY = {"torch", "numpy", "scipy", "cv2", "onnxruntime", "PIL", "rich", "trimesh", "roma", "kornia"}
 
 
 def imports(arguments: list[str], banned: set[str], ends: tuple[int, ...] = (0,)) -> str:
