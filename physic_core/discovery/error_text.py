@@ -8,8 +8,6 @@ from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
 from pathlib import PurePath
 
-from physic_core.discovery.plugin_code import plugin_error
-
 _MAX_MESSAGE = 4096
 
 _SKIPPED_PACKAGES = ("physic_core", "importlib", "pluggy")
@@ -17,6 +15,15 @@ _SKIPPED_PACKAGES = ("physic_core", "importlib", "pluggy")
 
 _MAX_LENGTH = 100  # comparing longer names takes long, and no known name is similar
 _MIN_PART = 3
+
+
+class PluginExit(Exception):
+    """Raised in place of SystemExit or another BaseException of a plugin, which is its cause."""
+
+
+def plugin_error(error: BaseException) -> BaseException:
+    """Return the exception that a plugin raised: the cause of a PluginExit, or the error itself."""
+    return error.__cause__ if isinstance(error, PluginExit) and error.__cause__ is not None else error
 
 
 def describe_error(error: BaseException, *owners: str | type) -> str:

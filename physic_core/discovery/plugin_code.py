@@ -10,16 +10,8 @@ import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, redirect_stdout, suppress
 
+from physic_core.discovery.error_text import PluginExit, describe_error
 from physic_core.errors import BackendError, PhysicError
-
-
-class PluginExit(Exception):
-    """Raised in place of SystemExit or another BaseException of a plugin, which is its cause."""
-
-
-def plugin_error(error: BaseException) -> BaseException:
-    """Return the exception that a plugin raised: the cause of a PluginExit, or the error itself."""
-    return error.__cause__ if isinstance(error, PluginExit) and error.__cause__ is not None else error
 
 
 @contextmanager
@@ -58,8 +50,6 @@ def named_plugin_code(title: str, *owners: str | type, kind: type[PhysicError] =
     except (PhysicError, MemoryError):
         raise
     except Exception as error:  # a plugin may raise anything
-        from physic_core.discovery.error_text import describe_error
-
         raise kind(f"{title}: {describe_error(error, *owners)}") from error
 
 

@@ -16,7 +16,8 @@ from physic_core import errors
 from physic_core.adapters.devices import check_device
 from physic_core.cache.results import canonicalize, network_results_in
 from physic_core.configuration.resolve import resolve_one
-from physic_core.discovery.plugin_code import plugin_code, plugin_error
+from physic_core.discovery.error_text import describe_error, message_of, plugin_error, traceback_text
+from physic_core.discovery.plugin_code import plugin_code
 from physic_core.errors import BackendError, BackendOutputError, PhysicError
 from physic_core.interfaces.backend import Result, call, contract_violations, interface_of
 from physic_core.interfaces.checks import require_image
@@ -196,8 +197,6 @@ class StageRunner:
 
 def _print_traceback(error: Exception) -> None:
     """Print a traceback on stderr if ``PHYSIC_DEBUG`` is set."""
-    from physic_core.discovery.error_text import traceback_text
-
     if trace := traceback_text(error):
         sys.stderr.write(trace)
 
@@ -279,12 +278,8 @@ def wrap_plugin_errors(title: str, resolved: ResolvedBackend) -> Iterator[None]:
         with plugin_code():
             yield
     except PhysicError as error:
-        from physic_core.discovery.error_text import message_of
-
         kind = type(error)
         known = kind if kind.__module__ == errors.__name__ else BackendError  # other classes may need other arguments
         raise known(f"{title}: {message_of(error)}") from error
     except Exception as cause:
-        from physic_core.discovery.error_text import describe_error
-
         raise BackendError(f"{title}: {describe_error(cause, type(resolved.backend))}") from plugin_error(cause)

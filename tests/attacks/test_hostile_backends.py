@@ -17,7 +17,8 @@ import pytest
 import hostile
 from physic_core.batch.workers import WorkerSettings, run_in_workers
 from physic_core.configuration.resolve import ResolvedBackend
-from physic_core.discovery.plugin_code import PluginExit, plugin_code
+from physic_core.discovery.error_text import PluginExit
+from physic_core.discovery.plugin_code import plugin_code
 from physic_core.errors import BackendError
 from physic_core.interfaces import MetricDepth, MetricDepthRequest
 from physic_core.pipeline.stage_runner import StageRunner
