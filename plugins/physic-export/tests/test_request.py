@@ -48,14 +48,11 @@ def test_a_suffix_selects_a_format(suffix: str, name: str):
 
 
 @pytest.mark.parametrize(
-    ("name", "suffix", "message"),
-    [
-        (None, ".stl", "'.stl' is the suffix of none"),
-        ("smplx", "", "no export format 'smplx'"),
-    ],
+    ("name", "suffix"),
+    [(None, ".stl"), ("smplx", "")],
 )
-def test_an_unknown_format_is_refused(name: str | None, suffix: str, message: str):
-    with pytest.raises(InputError, match=message):
+def test_an_unknown_format_is_refused_with_the_known_ones(name: str | None, suffix: str):
+    with pytest.raises(InputError, match=f"'{name or suffix}'.*amass, bvh"):
         find_exporter(name, suffix)
 
 
