@@ -58,6 +58,8 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
         else:
             if page is not None:
                 pictures.append([thumbnail_jpeg(one, PICTURE_HEIGHT) for one in results])
+    if failed is not None and not photos:
+        raise failed
     lines = summary_lines(photos, paired.only)
     if as_json:
         only = {f"only_{name}": list(map(str, folders)) for name, folders in zip("ab", paired.only, strict=True)}
