@@ -117,7 +117,7 @@ def caption(numbers: Mapping[str, Any]) -> str:
     sentences = [f"Grade: **{numbers['grade']}**{_failing(numbers)}"]
     for i, person in enumerate(numbers["people"]):
         distance = "without a body" if person["distance_m"] is None else f"{person['distance_m']} m away"
-        touches = f"touches {', '.join(person['touches'])}" if person["touches"] else "touches nothing"
+        touches = ", ".join(name.replace(": ", " touches ") for name in person["touches"]) or "touches nothing"
         sentences.append(f"Person {i}: {person['grade']}, {distance}, {touches}{_failing(person)}")
     return ". ".join(sentences) + "."
 
