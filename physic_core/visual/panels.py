@@ -265,7 +265,8 @@ def _cells(reconstruction: Reconstruction, index: int, touch_px: float, why_px: 
     if possible:
         touches.append((f"possible: {possible}", SOFT_RGB))
     if not touches:
-        touches = [(f"{np.sum(person.contact)} of {len(person.contact)} vertices", SOFT_RGB)]
+        count = f"{np.sum(person.contact)} of {len(person.contact)} vertices"
+        touches = [(count if person.contact_partner is None else "none", SOFT_RGB)]
     checks = [check for check in reconstruction.checks if check.person == index]
     why = [(str(check), ALERT_RGB) for check in checks if check.failed]
     unknown = "; ".join(check.title for check in checks if not check.failed and not check.ok)
