@@ -45,7 +45,9 @@ def problems_from_pydantic(
     for found in error.errors(include_url=False):
         loc = [str(part) for part in found["loc"]]
         if found["type"] == "extra_forbidden":
-            message = f"unknown {kind}{did_you_mean(loc[-1], _keys(model, loc[:-1]))}"
+            known = _keys(model, loc[:-1])
+            hint = did_you_mean(loc[-1], known) or (f": choose one of {', '.join(known)}" if known else "")
+            message = f"unknown {kind}{hint}"
         elif found["type"] == "missing":
             message = "is missing"
         else:
