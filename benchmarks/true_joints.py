@@ -17,13 +17,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 
 from physic_bench.joints import BODY_ROWS, HIPS, LIMB_JOINTS, limb_joints
 from physic_core import Pipeline, load_config
 from physic_core.adapters.people import box_iou
 from physic_core.body import load_body
-from physic_core.body.bones import rotations_from_parameters
+from physic_core.body.convert.bodies import replace_mesh_with_joints
 from physic_core.errors import PhysicError
 from physic_core.interfaces import KeypointDetector
 from physic_core.metrics import pa_mpjpe_mm
@@ -133,16 +132,9 @@ def errors_of(sample: Sample, error_mm: float, seed: int) -> list[float] | None:
     if not len(boxes) or overlap.max() < MIN_IOU:
         return None
     person = int(overlap.argmax())
-    fitted = joints_of_bodies(kept[0])[person]
+    fitted = np.asarray(replace_mesh_with_joints(kept[0], load_body("embedded")).joints, np.float64)[person]
     final = np.asarray(result.people[person].joints, np.float64)
     return [float(pa_mpjpe_mm(own, truth)) for own in (joints, fitted[BODY_ROWS], final[BODY_ROWS])]
-
-
-def joints_of_bodies(bodies: Bodies) -> FloatArray:
-    """Return the joints (N, 55, 3) of bodies, metres in the camera frame."""
-    p = bodies.parameters
-    given = (torch.from_numpy(np.array(value, np.float32)) for value in (p.betas, p.transl, p.expression))
-    return np.asarray(load_body("embedded")(rotations_from_parameters(p), *given, joints_only=True).joints, np.float64)
 
 
 if __name__ == "__main__":

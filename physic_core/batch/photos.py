@@ -66,7 +66,7 @@ class PhotoList:
 
     Attributes:
         photos: in the order of the inputs.
-        skipped: number of files of folders that are no photos.
+        skipped: number of files in folders that are not photos.
     """
 
     photos: list[PhotoItem]
@@ -140,7 +140,7 @@ class Shard:
 
 
 def _items_of(source: str) -> Iterator[PhotoItem | None]:
-    """Yield the photos of a folder, of a table, or a photo, and None for each file of a folder that is no photo.
+    """Yield the photos of a folder, of a table, or a photo, and None for each file of a folder that is not a photo.
 
     Raises:
         InputError: there is no such file, or it is a table that is not a regular file.

@@ -81,7 +81,7 @@ def batch(
     todo = plan.todo[:limit]
     now = f"; {len(todo):,} of them now (--limit)" if len(todo) < len(plan.todo) else ""
     if listed.skipped:
-        echo(f"skipped {listed.skipped:,} files that are no photos, hidden, or of results", err=True)
+        echo(f"skipped {listed.skipped:,} files that are not photos, hidden, or of results", err=True)
     echo(_describe(plan, len(items)) + now, err=True)
     if dry_run:
         for item in todo:

@@ -235,5 +235,5 @@ def find_exporter(name: str | None, suffix: str = "") -> Found[ExporterRecord]:
         raise InputError(f"the format can be {offers}: state which (--to, or format= in Python), or uninstall one")
     known = ", ".join(each.record.name for each in exporters)
     choose = "; ".join((f"choose one of {known}", *missing_formats(exporters)))
-    what = f"'{name or suffix}' is no export format" if name or suffix else "the path has no suffix"
+    what = f"'{name or suffix}' is not an export format" if name or suffix else "the path has no suffix"
     raise InputError(f"{what}: {choose} (--to, or format= in Python)")

@@ -7,7 +7,7 @@ map is farther away. This holds in any unit and wherever people are placed. The 
 
 At the pixels of a foot on the ground, the depth map of the photo and that of the scene without people nearly agree: the
 ground continues behind the foot. A foot in the air has a gap, the logarithm of the ratio of both depths. A foot on a
-seat or a table also has one: where surface labels show these around the foot, its gap is no evidence of the floor. A
+seat or a table also has one: where surface labels show these around the foot, its gap does not describe the floor. A
 gap larger than any foot can have shows that the photo's depth of the person is wrong.
 """
 
@@ -231,7 +231,7 @@ def standing_prior(touch: FloatArray, gap: FloatArray, on_furniture: BoolArray |
     """Return the probability that feet stand on the floor, and that the photo's depth of people is right.
 
     The first is (N, 2), before any floor is known; the second (N,). A gap that is too large for a foot in the air shows
-    that the depth is wrong, and is no evidence about the foot.
+    that the depth is wrong, and does not count for the foot.
 
     Args:
         touch: (N, 2) probability that the feet touch something, by keypoints alone.

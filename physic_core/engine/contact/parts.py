@@ -5,7 +5,7 @@ that its distance is one number: the fifth smallest of its vertices, which is ro
 probability of its part, times how near it is to the surface beside the nearest vertices of the part, and how directly
 its skin faces the surface.
 
-The place of a part that no pixel shows is a guess, so its distance is no evidence. It has the base rate of its kind,
+The place of a part that no pixel shows is a guess, so its distance is ignored. It has the base rate of its kind,
 and feet that of the posture.
 """
 

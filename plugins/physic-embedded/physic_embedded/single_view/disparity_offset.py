@@ -1,6 +1,6 @@
 """Estimate the disparity at infinity, the offset between a relative disparity and 1 / z.
 
-A plane stays a plane for any disparity at infinity, so flatness is no evidence. The horizon of the floor moves with it,
+A plane stays a plane for any disparity at infinity, so flatness cannot decide. The horizon of the floor moves with it,
 so the cues are about the horizon: upright walls, standing people, and gravity from upright edges. The prior is whether
 the farthest pixels are practically at infinity, as outdoors.
 """
