@@ -160,10 +160,10 @@ def check_log_sigma(name: str, sigma: Any) -> Iterator[str]:
         yield f"{name} must be a number from 0 to {SIGMA:g} or None, got {sigma!r}"
 
 
-def check_notes(notes: Any) -> Iterator[str]:
-    """Check that notes are a tuple or list of texts."""
+def check_notes(notes: Any, name: str = "notes") -> Iterator[str]:
+    """Check that notes or warnings are a tuple or list of texts."""
     if not (isinstance(notes, tuple | list) and all(isinstance(note, str) for note in notes)):
-        yield f"notes must be a tuple of texts, got {notes!r}"
+        yield f"{name} must be a tuple of texts, got {notes!r}"
 
 
 def is_finite(value: Any) -> BoolArray:

@@ -132,6 +132,7 @@ class RelativePointmap(Backend):
             yield f"people_farther must be a finite mean and a sigma > 0, or None, got {result.people_farther!r}"
         yield from check_camera(result.intrinsics, height, width)
         yield from check_notes(result.notes)
+        yield from check_notes(result.warnings, "warnings")
 
 
 def _is_mean_and_sigma(given: tuple[float, float]) -> bool:

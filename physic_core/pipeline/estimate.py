@@ -333,6 +333,7 @@ class _BackendCalls:
         estimator, request = self.backends["relative_pointmap"], RelativePointmapRequest(image, hints)
         pointmap = self.stages.call_backend(stage, estimator, request, last=last)
         self.stages.note(*pointmap.notes)
+        self.stages.warn(*pointmap.warnings)
         return pointmap
 
     def bodies(self, request: BodyEstimatorRequest, statures: FloatArray | None) -> Bodies:

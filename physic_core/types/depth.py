@@ -46,6 +46,7 @@ class Pointmap(ShortRepr):
         people_farther: mean and standard deviation of log(depth of people / depth of the floor that they stand on) in
             maps of the backend, which are 0 and small for a perfect map. None if not known: then nothing is concluded
             from this ratio.
+        warnings: reasons why the map may be wrong, as sentences for the user.
     """
 
     points: FloatArray
@@ -55,6 +56,7 @@ class Pointmap(ShortRepr):
     notes: tuple[str, ...] = ()
     shift_sigma: float | None = None
     people_farther: tuple[float, float] | None = None
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from physic_core import KnownSizes, load_config, reconstruct
+from physic_mock.depths import MockRelativePointmap
 from physic_testing.worlds import World
 
 pytestmark = pytest.mark.usefixtures("few_steps")
@@ -44,3 +47,17 @@ def test_a_result_says_once_that_its_sizes_are_those_of_adults(world: World) -> 
     assert ADULTS not in given.notes
     assert all(person.stature_sigma < 0.07 for person in given.people)
     assert np.all(np.array(given.distance_sigmas) <= found.distance_sigmas)
+
+
+class DoubtfulPointmap(MockRelativePointmap):
+    """Says that its background may be wrong."""
+
+    def infer(self, image, hints):
+        """Return the point map of the mock, with a warning."""
+        return replace(super().infer(image, hints), warnings=("the background is a guess",))
+
+
+def test_the_warning_of_a_point_map_is_one_of_the_result(world: World) -> None:
+    config = load_config(preset="mock", overrides=["run.cache=false"])
+    found = reconstruct(world.image, config, backends={"relative_pointmap": DoubtfulPointmap})
+    assert found.warnings.count("the background is a guess") == 1

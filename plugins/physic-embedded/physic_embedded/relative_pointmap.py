@@ -17,7 +17,7 @@ from physic_embedded.networks.depth_anything import predict_disparity
 from physic_embedded.networks.line_segments import detect_line_segments, segments_outside_mask
 from physic_embedded.networks.sessions import PackagedBackend, Products, open_packaged_session
 from physic_embedded.single_view.disparity_floor import fit_disparity_floor
-from physic_embedded.single_view.disparity_offset import disparity_at_infinity
+from physic_embedded.single_view.disparity_offset import InfinityEstimate, disparity_at_infinity
 from physic_embedded.single_view.flying_pixels import flying_pixels
 from physic_embedded.single_view.focal import DEFAULT_FOCAL_SIGMA, focal_of_segments
 from physic_embedded.single_view.gravity import gravity_from_segments
@@ -38,6 +38,7 @@ _SKY_DISPARITY = 0.004  # ranges: the network answers 0 for the sky
 _MIN_RELIABLE_GAP = 0.01  # ranges; beyond, the noise of the network is larger than its signal
 
 _SURE_FOCAL_SIGMA = 0.1  # of log focal length: up to it, vanishing points count as an estimate
+_DOUBTFUL_FACTOR = 3.0  # by which the background may be off; a fifth of the photos exceed it
 _BLEEDS = 0.015  # of the long side: the depth of a person beyond the outline
 _PEOPLE_FARTHER = (0.180, 0.123)  # median and spread of 166 people on their feet in labelled photos
 
@@ -110,12 +111,17 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         span = max(float(np.percentile(raw, 99) - low), 1e-6)
 
         found = _match_to_scene(raw, hints) if hints.scene is not None else None
-        disparity_sigma = None
+        disparity_sigma: float | None = None
+        warnings: list[str] = []
         if found is None:
             if hints.scene is not None:
                 notes.append("the photo's depth could not be matched to the scene's outside the people")
-            infinity, disparity_sigma, rule = self._disparity_at_infinity(raw, camera, gravity, hints)
-            notes.append(rule)
+            estimate = self._disparity_at_infinity(raw, camera, gravity, hints)
+            infinity, disparity_sigma = estimate.disparity, estimate.disparity_sigma
+            factor = float(np.exp(estimate.sigma))
+            (warnings if factor > _DOUBTFUL_FACTOR else notes).append(
+                f"the depth of the background may be off by a factor of {factor:.2g}: {estimate.rule}"
+            )
         else:
             infinity = found.infinity
         gap = np.maximum(raw - infinity, _MIN_GAP * span)
@@ -133,7 +139,14 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         points[..., 2] = depth
         shift_sigma = None if disparity_sigma is None else disparity_sigma / unit
         return Pointmap(
-            points, valid, "inverse_scale_shift", camera, tuple(notes), shift_sigma, people_farther=_PEOPLE_FARTHER
+            points,
+            valid,
+            "inverse_scale_shift",
+            camera,
+            tuple(notes),
+            shift_sigma,
+            people_farther=_PEOPLE_FARTHER,
+            warnings=tuple(warnings),
         )
 
     def _camera(self, image: NDArray[np.uint8], hints: Hints) -> tuple[Intrinsics, Gravity | None, list[str]]:
@@ -171,15 +184,15 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
 
     def _disparity_at_infinity(
         self, raw: FloatArray, camera: Intrinsics, gravity: Gravity | None, hints: Hints
-    ) -> tuple[float, float, str]:
-        """Estimate the disparity at infinity from the photo's cues, with its deviation, and describe the cues used."""
+    ) -> InfinityEstimate:
+        """Estimate the disparity at infinity from the photo's cues."""
         rows, columns = raw.shape
         focal = camera.fx * columns / camera.width
         surfaces = None if hints.people is None else hints.people.surfaces
         ground = None if surfaces is None else _shrink_labels(surfaces.mask("floor", "ground", "rug"), rows, columns)
         walls = None if surfaces is None else _shrink_labels(surfaces.mask("wall", "cabinet"), rows, columns)
         hole = None if hints.hole is None else _shrink_mask(hints.hole, rows, columns)
-        infinity = disparity_at_infinity(
+        return disparity_at_infinity(
             raw,
             fit_disparity_floor(raw, hole, ground),
             focal,
@@ -187,9 +200,6 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
             walls=None if walls is None else wall_planes(raw, walls, focal),
             bodies=body_planes(hints.keypoints, (camera.cx, camera.cy), camera.fx),
         )
-        factor = f"{np.exp(infinity.sigma):.2g}"
-        rule = f"the depth of the background may be off by a factor of {factor}: {infinity.rule}"
-        return infinity.disparity, infinity.disparity_sigma, rule
 
 
 @dataclass(frozen=True)
