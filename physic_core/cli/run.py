@@ -48,6 +48,11 @@ _SAVE = (
 
 _REPORT = "Write report.html, a 3D page for a browser, or not. [default: if physic-viewer is installed]"
 
+_KEYPOINTS = (
+    "Keypoints that replace detected ones, px of the photo file: CSV with person (as in people.csv), joint, x, y; or "
+    "COCO JSON."
+)
+
 _PERSON = "Reconstruct only the person at this pixel of the photo file; may be repeated."
 
 
@@ -75,6 +80,7 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
     "--depth", "photo.depth", metavar="FILE", help="Depth map of the photo: .npy or .exr in m, .png in mm, or .heic."
 )
 @_setting("--pointmap", "photo.pointmap", metavar="FILE", help="Point map of the photo: .npy (H, W, 3), or .npz.")
+@_setting("--keypoints", "photo.keypoints", metavar="FILE", help=_KEYPOINTS)
 @_setting(
     "--stature",
     "photo.stature",

@@ -24,7 +24,7 @@ from physic_core.interfaces import INTERFACES
 SettingsLayer = tuple[str, Mapping[str, Any]]
 """One source of settings: its label, and its tables as nested dictionaries."""
 
-PATH_KEYS = (("body_model", "path"), ("photo", "depth"), ("photo", "pointmap"))
+PATH_KEYS = (("body_model", "path"), ("photo", "depth"), ("photo", "pointmap"), ("photo", "keypoints"))
 """Table and key of each path of a file; in a config file it is relative to the file."""
 
 _VARIABLE_PREFIX = "PHYSIC__"

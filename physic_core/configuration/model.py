@@ -124,6 +124,11 @@ class PhotoSettings(_Table):
         description="a point map of the photo, instead of relative_pointmap: .npy (H, W, 3), or .npz with points and "
         "valid; relative to the config file",
     )
+    keypoints: _FilePath = Field(
+        default=None,
+        description="keypoints that replace detected ones, px of the upright photo file: .csv with person, joint, x, "
+        "y, or COCO .json; relative to the config file",
+    )
     require_people: bool = Field(
         default=False, description="whether a photo without people is an error rather than a scene-only result"
     )

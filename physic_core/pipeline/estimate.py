@@ -67,6 +67,7 @@ if TYPE_CHECKING:
     from physic_core.engine.settings import EngineSettings
     from physic_core.engine.stance import Stance
     from physic_core.geometry.floor import FloorSearch
+    from physic_core.io.keypoint_file import GivenKeypoints
     from physic_core.pipeline.stage_runner import StageRunner
     from physic_core.types import BoolArray, FloatArray, PeoplePrompt, UInt8Array
 
@@ -133,6 +134,7 @@ def run_backends(
     stages: StageRunner,
     prompt: PeoplePrompt | None = None,
     sizes: KnownSizes | None = None,
+    given_keypoints: GivenKeypoints | None = None,
 ) -> Estimates:
     """Run all backends on a photo.
 
@@ -144,9 +146,11 @@ def run_backends(
         stages: calls the backends and records the run.
         prompt: whom to reconstruct, px of the image; None for all people.
         sizes: that the user knows, px of the image.
+        given_keypoints: that replace detected ones, px of the image.
 
     Raises:
-        InputError: the number of known statures differs from that of the people.
+        InputError: the number of known statures differs from that of the people, or given keypoints are of no person
+            or joint.
         NoPersonError: a prompt selects no person, or people are required and the segmenter found none.
         BackendError: a required backend failed.
         BackendOutputError: a required backend returned an invalid result.
@@ -158,6 +162,10 @@ def run_backends(
     if len(people) and not sizes:
         stages.note(SIZES_OF_ADULTS)
     keypoints = run.keypoints(image, people)
+    if given_keypoints is not None:
+        from physic_core.pipeline.known_people import corrected_keypoints
+
+        keypoints = corrected_keypoints(keypoints, given_keypoints)
 
     hole, objects = _removed(people, keypoints, plan, image.shape)
     inpainted = run.inpainted(image, hole)

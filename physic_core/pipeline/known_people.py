@@ -1,4 +1,4 @@
-"""People whom the user chose or knows: select them, assign statures and ages, and resize their bodies."""
+"""People whom the user chose or knows: select them, assign statures and ages, resize bodies, correct keypoints."""
 
 from __future__ import annotations
 
@@ -17,11 +17,19 @@ from physic_core.types.arrays import select_people
 from physic_core.types.known_sizes import KnownPeople
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from torch import Tensor
 
     from physic_core.body.model import BodyModel
+    from physic_core.io.keypoint_file import GivenKeypoints
     from physic_core.types import Bodies, BoolArray, FloatArray, Keypoints, KnownSizes, People, PeoplePrompt
 
+_BEYOND = {
+    "wrist": ("pinky", "index", "middle", "ring", "thumb", "hand"),
+    "ankle": ("heel", "foot", "big_toe", "small_toe"),
+}
+"""Parts whose points move along with a corrected joint."""
 _MIN_BOX_IOU = 0.3
 """Minimum overlap of a detected person's box with the user's box to be the same person."""
 _MIN_MASK_IOU = 0.5
@@ -137,6 +145,64 @@ def resize_children(bodies: Bodies, model: BodyModel, known: KnownPeople) -> tup
     return bodies_of_stature(bodies, model, statures, near), notes
 
 
+def corrected_keypoints(keypoints: Keypoints, given: GivenKeypoints) -> Keypoints:
+    """Replace detected keypoints of N people by given ones, of confidence 1, the least error and no 3D point.
+
+    A hand moves with its wrist and a foot with its ankle, unless their points are given too.
+
+    Raises:
+        InputError: a given keypoint is of no person or joint of the result, or two annotations are of one person.
+    """
+    names = keypoints.joint_set.names
+    columns = [_column(joint, names) for joint in given.joint]
+    people = _people_of(given, columns, keypoints)
+    points, confidence = np.array(keypoints.points), np.array(keypoints.confidence)
+    world, sigma = (None if x is None else np.array(x) for x in (keypoints.world, keypoints.sigma))
+    own = set(zip(people, columns, strict=True))
+    for person, column, at in zip(people, columns, given.points, strict=True):
+        side, _, joint = names[column].partition("_")
+        beyond = tuple(f"{side}_{part}" for part in _BEYOND.get(joint, ()))
+        with_it = [j for j, name in enumerate(names) if beyond and name.startswith(beyond) and (person, j) not in own]
+        points[person, with_it] += at - points[person, column]
+        points[person, column], confidence[person, column] = at, 1
+        if sigma is not None:
+            sigma[person, column] = sigma[person].min()
+        if world is not None:
+            world[person, [column, *with_it]] = np.nan
+    return replace(keypoints, points=points, confidence=confidence, world=world, sigma=sigma)
+
+
+def _column(joint: str, names: Sequence[str]) -> int:
+    """Return the index of a joint; names of COCO such as "left_eye" are those of the surface."""
+    for name in (joint, f"{joint}_surface"):
+        if name in names:
+            return names.index(name)
+    raise InputError(
+        f"a given keypoint is named {joint!r}, which the keypoint detector does not have: use {', '.join(names)}"
+    )
+
+
+def _people_of(given: GivenKeypoints, columns: list[int], keypoints: Keypoints) -> list[int]:
+    """Return the person of each given keypoint; an annotation is of the person whose same keypoints are nearest."""
+    count, numbers = len(keypoints.points), sorted(set(given.person))
+    if given.numbered:
+        rows = {number: number for number in numbers}
+    else:
+        rows = {}
+        for number in numbers if count else ():
+            mine = [i for i, person in enumerate(given.person) if person == number]
+            off = keypoints.points[:, [columns[i] for i in mine]] - given.points[mine]
+            rows[number] = int(np.median(np.linalg.norm(off, axis=-1), axis=1).argmin())
+    if wrong := [number for number in numbers if not 0 <= rows.get(number, -1) < count]:
+        raise InputError(
+            f"keypoints are given for person {wrong[0]}, and {count} people were found: number them from 0, as in "
+            "people.csv"
+        )
+    if len(set(rows.values())) < len(rows):
+        raise InputError("the keypoints of two annotations belong to the same person: keep one of them")
+    return [rows[number] for number in given.person]
+
+
 def select_chosen(people: People, prompt: PeoplePrompt) -> People:
     """Return the people whom the prompts hit, in the order of the prompts, with the given masks unchanged.
 
@@ -171,7 +237,7 @@ def select_chosen(people: People, prompt: PeoplePrompt) -> People:
         raise NoPersonError(f"the given masks hide all of {prompt.describe(int(hidden[0]))}: omit it")
     floor = None if people.floor is None else people.floor & ~masks.any(0)
     boxes = boxes_from_masks(masks).astype(np.float32)
-    return replace(people, masks=masks, boxes=boxes, scores=scores, floor=floor, keypoints=keypoints)
+    return replace(people, masks=masks, boxes=boxes, scores=scores, floor=floor, keypoints=keypoints, heads=None)
 
 
 def person_at_point(people: People, point: tuple[float, float]) -> int | None:

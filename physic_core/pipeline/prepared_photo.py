@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.io.keypoint_file import GivenKeypoints, read_keypoints
 from physic_core.io.people_prompt import check_prompt, resize_prompt
 from physic_core.io.photo import Photo, limit_size
 from physic_core.pipeline.border import Border, cut_border, find_inside, limit_inside
@@ -36,6 +37,7 @@ class PreparedPhoto:
         known: sizes that the user knows, px of the picture.
         lens: of the file; None without distortion.
         border: that was cut off the photo; None without one.
+        keypoints: that the user gives, px of the picture; None if there are none.
     """
 
     photo: Photo
@@ -43,6 +45,7 @@ class PreparedPhoto:
     known: KnownSizes
     lens: Lens | None
     border: Border | None = None
+    keypoints: GivenKeypoints | None = None
 
 
 def prepare_photo(
@@ -57,7 +60,7 @@ def prepare_photo(
         known: px of the upright file, or None.
 
     Raises:
-        InputError: people or distortion cannot be used.
+        InputError: people, keypoints or distortion cannot be used.
     """
     file_size = photo.file_size or photo.image.shape[1::-1]
     photo = _with_camera(photo, settings)
@@ -72,14 +75,24 @@ def prepare_photo(
         people = PeoplePrompt(settings.person, settings.box)
     prompt = None if people is None else resize_prompt(check_prompt(people, *file_size), file_size, (width, height))
     sizes = settings.known_sizes(known).resized(width / file_size[0], height / file_size[1])
+    keypoints = None if settings.keypoints is None else read_keypoints(settings.keypoints, *file_size)
+    if keypoints is not None:
+        keypoints = keypoints.moved(lambda pixels: (pixels + 0.5) * np.divide((width, height), file_size) - 0.5)
     if inside is not None:
         corner, border = np.array([inside[1].start, inside[0].start]), Border(photo.image, inside)
         moved = move_pixels(prompt, sizes, lambda pixels: pixels - corner, lambda mask: mask[inside])
-        return PreparedPhoto(cut_border(photo, inside), *moved, None, border)
+        keypoints = None if keypoints is None else keypoints.moved(lambda pixels: pixels - corner)
+        return PreparedPhoto(cut_border(photo, inside), *moved, None, border, keypoints)
     if settings.distortion is None or photo.intrinsics is None:
-        return PreparedPhoto(photo, prompt, sizes, None)
-    lens = Lens(photo.intrinsics.resized(*file_size), settings.distortion)
-    return PreparedPhoto(*undistort(photo, prompt, sizes, lens.distortion), lens)
+        return PreparedPhoto(photo, prompt, sizes, None, keypoints=keypoints)
+    camera = photo.intrinsics
+    lens = Lens(camera.resized(*file_size), settings.distortion)
+    undistorted = undistort(photo, prompt, sizes, lens.distortion)
+    if keypoints is not None:
+        from physic_core.geometry.camera import undistort_pixels
+
+        keypoints = keypoints.moved(lambda pixels: undistort_pixels(pixels, camera, lens.distortion))
+    return PreparedPhoto(*undistorted, lens, keypoints=keypoints)
 
 
 def _with_camera(photo: Photo, settings: PhotoSettings) -> Photo:

@@ -323,7 +323,14 @@ def _reconstruct(
     with limited_threads(plan.config.run.threads):
         try:
             estimates = run_backends(
-                photo.image, photo.intrinsics, plan, load_model, stages, prepared.people, prepared.known
+                photo.image,
+                photo.intrinsics,
+                plan,
+                load_model,
+                stages,
+                prepared.people,
+                prepared.known,
+                prepared.keypoints,
             )
         finally:
             if close:

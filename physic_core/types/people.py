@@ -12,7 +12,7 @@ from physic_core.types.skeletons import Skeleton, skeleton_named
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from physic_core.types.arrays import BoolArray, FloatArray, UInt8Array
+    from physic_core.types.arrays import BoolArray, FloatArray, IntArray, UInt8Array
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,8 @@ class Keypoints(ShortRepr):
             "halpe26", "coco_wholebody133": see :data:`physic_core.types.SKELETONS`), or a :class:`Skeleton` of the
             detector's own.
         world: (N, J, 3) metres, or None. Axes of a camera that looks straight at the person (x right, y down, z away),
-            origin between the hips: what single-person pose networks call world landmarks.
+            origin between the hips: what single-person pose networks call world landmarks. NaN for a keypoint that the
+            user corrected.
         sigma: (N, J) px, standard deviation of each of a point's two coordinates, or None if the detector states none.
         depth_sigma: (N, J) metres, standard deviation of the depth (z) of ``world``, or None if the detector states
             none. If it does, x and y of ``world`` are the points in metres, without further information.
@@ -90,6 +91,8 @@ class People(ShortRepr):
             for objects.
         floor_candidates: (H, W) bool each, other masks that may be the ground, such as several beside the feet. The
             pipeline weighs them.
+        heads: (N,) int, number of heads that the detector sees in each mask; two people may then be one. Or None if the
+            backend does not count them.
         notes: plain sentences for the user ("left out what looks like a person ...").
     """
 
@@ -103,6 +106,7 @@ class People(ShortRepr):
     unposed_mask: BoolArray | None = None
     objects: BoolArray | None = None
     floor_candidates: tuple[BoolArray, ...] = ()
+    heads: IntArray | None = field(default=None, metadata=PER_PERSON)
     notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:

@@ -154,6 +154,19 @@ def test_landmarks_with_stated_errors_get_no_corrections_for_blazepose(backend: 
     np.testing.assert_array_equal(on_floor.parameters.body_pose, alone.parameters.body_pose)
 
 
+def test_joints_without_a_3d_landmark_follow_the_picture(backend: EmbeddedBodies) -> None:
+    seen = truth([WALKS], [(0.2, 0.3, 4.0)])
+    assert seen.keypoints.world is not None
+    rows = [skeleton_named(BLAZEPOSE_SKELETON).names.index(name) for name in ("left_wrist", "right_ankle", "left_hip")]
+    world = seen.keypoints.world.copy()
+    world[:, rows] = np.nan
+    joints, _ = posed(fit(backend, replace(seen, keypoints=replace(seen.keypoints, world=world))))
+    wanted = [JOINT_INDEX[name] for name in ("left_wrist", "right_ankle", "left_hip")]
+    pixels, true = (points @ CAMERA.matrix.T for points in (joints[:, wanted], seen.joints[:, wanted]))
+    assert np.abs(pixels[..., :2] / pixels[..., 2:] - true[..., :2] / true[..., 2:]).max() < 8
+    assert miss_mm(joints, seen.joints).mean() < 40
+
+
 def test_a_depth_counts_as_far_as_its_own_error_says(backend: EmbeddedBodies) -> None:
     """An ankle that is .3 m too near: the less the detector vouches for it, the less the leg follows."""
     seen = truth([STANDS], [(0.3, 0.1, 4.2)], skeleton="coco23")

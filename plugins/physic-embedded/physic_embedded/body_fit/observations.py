@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from physic_core.types import Intrinsics, Keypoints, People
 
+    BoolArray = NDArray[np.bool_]
     FloatArray = NDArray[np.floating]
 
 SIZE_STATURE_M = 1.72
@@ -93,7 +94,7 @@ def observe_people(keypoints: Keypoints, people: People, intrinsics: Intrinsics)
     confidence = np.clip(np.asarray(keypoints.confidence, np.float64), 0.02, 1) * np.where(inside, 1, _OUTSIDE)
     weight = np.where(confidence < _UNSEEN, _UNSEEN_WEIGHT, 1) * confidence
     weight[:, hips] *= _HIP_WEIGHT
-    world = None if keypoints.world is None else np.asarray(keypoints.world, np.float64)
+    world: FloatArray | None = None if keypoints.world is None else np.asarray(keypoints.world, np.float64)
     middle = points[:, hips].mean(1)
     rays = np.stack(
         [
@@ -107,9 +108,14 @@ def observe_people(keypoints: Keypoints, people: People, intrinsics: Intrinsics)
     if world is None:
         size = _size_without_landmarks(points, row, people)
     else:
+        lost = np.asarray(~np.isfinite(world).all(-1))
+        if lost.any():
+            world = _without_lost(world, lost, points, middle, confidence)
         world = world - world[:, hips].mean(1, keepdims=True)
         size = SIZE_STATURE_M * _pixels_per_metre(points, world, confidence)
     world_weight = np.maximum(confidence, _LEAST_WORLD_WEIGHT)
+    if world is not None:
+        world_weight[lost] = 0
     made_up = ~inside | (confidence < _GUESSED)
     bends = [row[f"{side}_{joint}"] for side in ("left", "right") for joint in ("knee", "ankle")]
     unseen = made_up[:, bends].all(1)
@@ -125,6 +131,22 @@ def observe_people(keypoints: Keypoints, people: People, intrinsics: Intrinsics)
     return BodyObservations(
         points, weight, confidence, size, turn, world, world_weight, keypoints.sigma, keypoints.depth_sigma
     )
+
+
+def _without_lost(
+    world: FloatArray, lost: BoolArray, points: FloatArray, middle: FloatArray, confidence: FloatArray
+) -> FloatArray:
+    """Fill the 3D landmarks (N, J, 3) that are lost (N, J) by the picture, at the depth of the nearest known one.
+
+    They only start the fit.
+    """
+    world = np.where(lost[..., None], 0.0, world)
+    scale = _pixels_per_metre(points, world, confidence * ~lost)
+    for i, j in np.argwhere(lost):
+        gaps = np.linalg.norm(points[i] - points[i, j], axis=-1)
+        depth = world[i, np.where(lost[i], np.inf, gaps).argmin(), 2]
+        world[i, j] = [*((points[i, j] - middle[i]) / scale[i]), depth]
+    return world
 
 
 def _guessed_legs(world: FloatArray, row: dict[str, int], turn: FloatArray, seated: bool) -> dict[int, FloatArray]:
