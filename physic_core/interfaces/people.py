@@ -86,6 +86,8 @@ class Segmenter(Backend):
             wrong += check_array("floor_candidates", mask, (height, width), "bool")
         if result.unposed_mask is not None:
             wrong += check_array("unposed_mask", result.unposed_mask, (height, width), "bool")
+        if result.heads is not None:
+            wrong += check_array("heads", result.heads, (n,), "int")
         if result.objects is not None:
             wrong += check_array("objects", result.objects, (length(result.objects), height, width), "bool")
         yield from wrong

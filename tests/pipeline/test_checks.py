@@ -76,9 +76,9 @@ def case(**changes: Any) -> tuple[Any, Any]:
     """Estimates and solution of one person where all is well, but for the changes."""
     known = {"report": {}, "failure": "", "legs": True, "sigma": 0.1, "scale": 1.0, "camera": CAMERA, "lean": 0.0}
     known |= {"joints": None, "scene_share": 0.9, "photo_share": 0.9, "floor": "found", "mask": True, "lost": ()}
-    known |= {"scene_camera": CAMERA, "off": 0.0, "moved": 0, "unposed": ()}
+    known |= {"scene_camera": CAMERA, "off": 0.0, "moved": 0, "unposed": (), "heads": 1}
     known |= {"shoulders": True, "stands": (0.9, 0.9)} | changes
-    assert len(known) == 19, sorted(known)
+    assert len(known) == 20, sorted(known)
     observed = np.ones((1, 55), bool)
     observed[0, [16, 17]] = known["shoulders"]
     observed[0, [4, 7]] = known["legs"]
@@ -91,7 +91,12 @@ def case(**changes: Any) -> tuple[Any, Any]:
         depth=SimpleNamespace(intrinsics=None),
         missing_results=(known["lost"],),
         keypoints=keypoints_at(joints, known["camera"], known["off"], known["moved"]),
-        people=SimpleNamespace(boxes=np.array([[0.0, 0.0, 300.0, 400.0]]), unposed=known["unposed"]),
+        people=SimpleNamespace(
+            boxes=np.array([[0.0, 0.0, 300.0, 400.0]]),
+            unposed=known["unposed"],
+            masks=np.zeros((1, 480, 640), bool),
+            heads=np.array([known["heads"]]),
+        ),
         **{name: SimpleNamespace(intrinsics=camera) for name, camera in maps.items()},
     )
     floor = FLOOR if known["floor"] == "found" else None
@@ -158,6 +163,7 @@ def test_a_fault_of_a_photo_fails_its_check_and_is_a_warning(
     [
         ({"report": {"seen_share": 0.23}}, ("visible",)),
         ({"shoulders": False}, ("shoulders_seen",)),
+        ({"heads": 2}, ("heads",)),
         ({"report": {"mask_covered_share": 0.78}}, ("mask_covered",)),
         ({"report": {"body_in_mask_share": 0.6}}, ("body_in_mask",)),
         ({"report": {"clearance_m": 0.28}}, ("support",)),
@@ -197,6 +203,22 @@ def test_a_fault_of_a_person_fails_its_checks(changes: dict[str, Any], names: tu
 def test_bodies_are_compared_with_the_metric_depth_before_it_is_scaled() -> None:
     assert failing(report={"depth_ratio": 1.3}, scale=0.8) == [("depth_vs_bodies", None)]
     assert failing(report={"depth_ratio": 1.3}, scale=1.1) == []
+
+
+def test_a_mask_with_the_head_of_another_person_is_never_good() -> None:
+    evidence, solution = case()
+    keypoints = evidence.keypoints
+    beside = keypoints.points + np.array([150.0, 0.0])
+    evidence.keypoints = SimpleNamespace(
+        points=np.concatenate([keypoints.points, beside]), confidence=np.ones((2, 17)), skeleton="coco17"
+    )
+    solution.people = ({}, {})
+    evidence.people.masks = np.zeros((2, 480, 640), bool)
+    for heads, grade in ((1, Grade.GOOD), (2, Grade.DOUBTFUL)):
+        found = [CHECKS["heads"].compare(CHECKS["heads"].measure(evidence, solution, 0), 0)]
+        assert (found[0].value, grade_person(found, 0)) == (heads, grade)
+        evidence.people.masks[0, :, 100:] = True  # with the head of the other
+    assert warning_messages(found) == (f"person 0: {found[0].message}",)
 
 
 def test_one_seen_ankle_is_enough_of_a_leg() -> None:

@@ -32,6 +32,8 @@ _NO_JOINTS = "the body estimator does not report which joints are visible"
 _LIMB_JOINTS = tuple(
     f"{side}_{name}" for name in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle") for side in SIDES
 )
+_HEAD = ("nose", "eye_surface", "ear_surface")
+_FEWEST_HEAD = 3
 _CONFIDENT = 0.5
 _FEWEST = 4
 _QUANTILE = 0.9  # two joints of a dozen may be wrong
@@ -59,6 +61,28 @@ def placed(estimates: Estimates, solution: Solution, person: int) -> Measured:
     if solution.scene.floor is None:
         return None, f"{NO_FLOOR}: the position is by size and scene alone"
     return 1.0
+
+
+# Of 355 people in photos, 10 have a second head: of 9 of them, mask or pose is mixed up with another person's.
+@_check(
+    "Heads in the mask",
+    at_most=1,
+    unit="count",
+    weak=True,
+    warns=True,
+    advice="two people may be one, or mixed up: another head lies in this person's mask",
+)
+def heads(estimates: Estimates, solution: Solution, person: int) -> Measured:
+    """Return the number of heads in this person's mask: those that the segmenter sees, or those of other people."""
+    mask, keypoints, found = estimates.people.masks[person], estimates.keypoints, 1
+    columns = [i for i, name in enumerate(skeleton_named(keypoints.skeleton).names) if name.endswith(_HEAD)]
+    for other in set(range(len(solution.people))) - {person}:
+        seen = [i for i in columns if keypoints.confidence[other, i] >= _CONFIDENT]
+        x, y = np.rint(keypoints.points[other, seen]).astype(int).T
+        inside = (x >= 0) & (y >= 0) & (x < mask.shape[1]) & (y < mask.shape[0])
+        found += len(seen) >= _FEWEST_HEAD and mask[y[inside], x[inside]].sum() > len(seen) / 2
+    counted = estimates.people.heads
+    return float(found if counted is None else max(found, int(counted[person])))
 
 
 # Right bodies 0.013-0.033; bodies of the wrong person 0.036-0.15.

@@ -22,7 +22,7 @@ from physic_embedded.segmentation.cut_heads import doubt_cut_heads
 from physic_embedded.segmentation.floor_mask import add_labelled_floor, floor_mask
 from physic_embedded.segmentation.people import SearchSettings, UnposedBox, detect_poses, mask_box
 from physic_embedded.segmentation.person_masks import person_mask, resolve_overlaps
-from physic_embedded.segmentation.unposed import segment_unposed
+from physic_embedded.segmentation.unposed import count_heads, segment_unposed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -138,7 +138,8 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
             floor = floor_mask(decoder, embedding, poses, people) if poses else np.zeros_like(people)
             floor = _with_labelled_floor(floor, surfaces, people)
         result = self._people(found, masks, floor, surfaces, image)
-        return replace(result, unposed=reported, unposed_mask=unposed_mask, notes=_left_out_note(left_out))
+        heads = count_heads(unposed, [person.pose for person in found], masks)
+        return replace(result, heads=heads, unposed=reported, unposed_mask=unposed_mask, notes=_left_out_note(left_out))
 
     def _surfaces(self, image: UInt8Array, people: BoolArray) -> SurfaceLabels | None:
         """Return the semantic labels outside of the people (H, W), if ``surfaces`` is set."""

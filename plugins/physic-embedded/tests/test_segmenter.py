@@ -21,6 +21,7 @@ from physic_embedded.segmentation.floor_mask import add_labelled_floor, ground_p
 from physic_embedded.segmentation.people import (
     DETECTOR_LAYERS,
     DetectedPose,
+    UnposedBox,
     box_fit,
     is_person,
     is_same_person,
@@ -28,6 +29,7 @@ from physic_embedded.segmentation.people import (
     merge_candidates,
 )
 from physic_embedded.segmentation.person_masks import PersonMask, resolve_overlaps
+from physic_embedded.segmentation.unposed import count_heads
 from physic_embedded.segmenter import EmbeddedSegmenter, EmbeddedSegmenterOptions
 from physic_testing import violations
 
@@ -72,6 +74,27 @@ def pose_at(center: tuple[float, float], height: float = 200.0, confidence: floa
         mirror_gap=0.0,
         mirror_mask_iou=1.0,
     )
+
+
+@pytest.mark.parametrize(
+    ("box", "score", "heads"),
+    [
+        ((110, 60, 170, 250), 0.8, 2),  # the other
+        ((110, 60, 170, 250), 0.45, 1),
+        ((50, 50, 110, 150), 0.8, 1),  # the upper half
+        ((50, 150, 170, 250), 0.8, 1),  # the legs of both
+        ((160, 60, 220, 250), 0.8, 1),  # beside the mask
+    ],
+)
+def test_a_box_whose_top_is_another_head_in_the_mask_is_counted(
+    box: tuple[float, ...], score: float, heads: int
+) -> None:
+    mask = np.zeros((1, 300, 300), bool)
+    mask[0, 50:250, 50:110] = mask[0, 60:250, 110:170] = True
+    pose = pose_at((80, 150))
+    pose.points[:11] = pose.points[0]
+    assert count_heads([UnposedBox(np.array(box, float), score, "no pose")], [pose], mask).tolist() == [heads]
+    assert count_heads([UnposedBox(np.array(box, float), score, "no pose")], [], mask[:0]).tolist() == []
 
 
 def test_decode_puts_boxes_and_keypoints_at_their_anchor() -> None:

@@ -1,4 +1,4 @@
-"""Segment the people without a pose, and omit boxes of people who have one."""
+"""Boxes of people without a pose: segment them, omit those of people who have one, and find masks of two people."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 
     from physic_core.adapters.onnx_sessions import OnnxSession
     from physic_core.types import BoolArray, SurfaceLabels
+    from physic_core.types.arrays import IntArray
     from physic_embedded.networks.mobile_sam import ImageEmbedding
+    from physic_embedded.networks.pose import Pose
     from physic_embedded.segmentation.people import UnposedBox
 
 SURE_SCORE = 0.65
@@ -24,6 +26,13 @@ MIN_PERSON_SHARE = 0.1
 """Least share of the middle of such a box that is labelled as a person."""
 MIN_OWN_SHARE = 0.5
 """A box is of a person with a pose unless this share of its mask lies outside the masks of posed people."""
+
+HEAD = slice(0, 11)
+"""Landmarks of the head."""
+HEAD_SCORE = 0.5
+"""A box of lower score does not show that there is a second person."""
+MIN_MASK_SHARE, MIN_TOP_SHARE, MAX_ABOVE_SHARE = 0.35, 0.3, 0.35
+"""Least share of such a box, and of its upper fifth, in the mask; largest share of the strip above it."""
 
 
 def segment_unposed(
@@ -70,3 +79,30 @@ def _person_share(surfaces: SurfaceLabels, one: UnposedBox) -> float:
         y0 + down : max(y1 - down, y0 + down + 1), x0 + across : max(x1 - across, x0 + across + 1)
     ]
     return float(middle.mean()) if middle.size else 0.0
+
+
+def count_heads(boxes: Sequence[UnposedBox], poses: Sequence[Pose], masks: BoolArray) -> IntArray:
+    """Return the number of heads (N,) in each of the masks (N, H, W) of people with poses.
+
+    A box without a pose shows another head if the mask begins at its top, and no head of a pose is there. Boxes around
+    a part of a person begin within the mask, or at that person's head.
+    """
+    heads = np.ones(len(masks), int)
+    height, width = masks.shape[1:]
+    own = np.array([pose.points[HEAD].mean(0) for pose in poses]).reshape(-1, 2)
+    for one in boxes if len(masks) else ():
+        x0, y0, x1, y1 = np.clip(np.rint(one.box), 0, [width, height, width, height]).astype(int).tolist()
+        w, h = x1 - x0, y1 - y0
+        if one.score < HEAD_SCORE or not w or not h:
+            continue
+        inside = masks[:, y0:y1, x0:x1].mean((1, 2))
+        person = int(inside.argmax())
+        across = slice(x0 + w // 4, x1 - w // 4)
+        above, top = masks[person, max(y0 - h // 10, 0) : y0, across], masks[person, y0 : y0 + h // 5 + 1, across]
+        begins = not above.size or above.mean() <= MAX_ABOVE_SHARE
+        x, y = (own[:, 0] - x0) / w, (own[:, 1] - y0) / h
+        beside = (x > -0.1) & (x < 1.1) & (y > -0.1)
+        known = (beside & (y < 0.4)).any() or (beside[person] and y[person] < 1)
+        if begins and not known and inside[person] >= MIN_MASK_SHARE and top.size and top.mean() >= MIN_TOP_SHARE:
+            heads[person] += 1
+    return heads
