@@ -198,6 +198,7 @@ def export(
     # An unknown format is reported before numpy is imported.
     find_exporter(name, "" if path is None or path.is_dir() else path.suffix)
 
+    from physic_core.io.result_folder import list_exports
     from physic_core.io.results import load_reconstruction
     from physic_core.visual.export.write import export_reconstruction
 
@@ -208,6 +209,8 @@ def export(
         scene=not no_scene,
         **{option: value for option, value in options.items() if value},
     )
+    if path is None:
+        list_exports(out, done.files)
     for note in done.notes:
         echo(f"note: {note}")
     for file in done.files:

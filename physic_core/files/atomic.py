@@ -42,14 +42,16 @@ class AtomicWrite:
         self._parts: dict[str, Path] = {}
 
     def __call__(self, name: str) -> Path:
-        """Return the temporary path of a file."""
+        """Return the temporary path of a file, of which the name may begin with folders."""
         # In the same folder, since a rename is atomic only within one file system.
-        return self._parts.setdefault(name, self._folder / f".{name}.{self._token}.physic-part")
+        return self._parts.setdefault(name, self._folder / f".{name.replace('/', '.')}.{self._token}.physic-part")
 
     def rename(self) -> None:
         """Give the files that were written so far their names, in the order of the calls."""
         for name, part in self._parts.items():
-            os.replace(part, self._folder / name)
+            path = self._folder / name
+            path.parent.mkdir(exist_ok=True)
+            os.replace(part, path)
         self._parts.clear()
 
     def clean(self) -> None:

@@ -48,6 +48,8 @@ PEOPLE_TABLE = "people.csv"
 MAX_DOCUMENT_BYTES = 64 << 20
 FILES = (DOCUMENT_FILE, ARRAYS_FILE, PREVIEW_FILE, GLB_FILE, REPORT_FILE, PEOPLE_TABLE)
 _RUN = re.compile(rb'\{\s*"schema": "physic-reconstruction",\s*"schema_version": \d+,\s*"run": "(\w+)"')
+_LISTED = re.compile(r"(?:[^/\\]*[^/\\.][^/\\]*/)?[^/\\]*[^/\\.][^/\\]*", re.DOTALL)
+"""Name of a file of a result, which may lie in a folder beside the document."""
 _END_BYTES = 1000
 _PARTS = f".{DOCUMENT_FILE}.*.physic-document"
 PEOPLE_MARK = ",".join(PERSON_COLUMNS)
@@ -121,6 +123,9 @@ def write_result_files(
             _keep(folder / name)
         for name in unchanged - {DOCUMENT_FILE, *contents}:
             (folder / name).unlink()
+            if "/" in name:
+                with suppress(OSError):  # other files are in the folder
+                    (folder / name).parent.rmdir()
         _rename(folder, write, new)
 
 
@@ -141,6 +146,20 @@ def add_result_file(folder: Path, name: str, content: bytes) -> None:
         if name in _earlier_files(folder, Replaced(""))[1]:
             _keep(folder / name)
         _rename(folder, write, new)
+
+
+def list_exports(folder: Path, files: Iterable[Path]) -> None:
+    """List those of some files that lie in the folder of a result in its document: the next run there removes them.
+
+    Raises:
+        OutputError: the folder cannot be written.
+    """
+    names = [file.relative_to(folder).as_posix() for file in files if file.is_relative_to(folder)]
+    document = _document(folder / DOCUMENT_FILE)
+    if names and document is not None:
+        listed = {**_files(document), **{name: file_digest(folder / name) for name in names}}
+        with atomic_write(check_writable(folder)) as write:
+            _rename(folder, write, _write_parts(folder, write, {**document, "files": listed}, {}))
 
 
 def _write_parts(folder: Path, write: AtomicWrite, document: Mapping[str, Any], contents: Mapping[str, bytes]) -> Path:
@@ -188,7 +207,8 @@ def _earlier_files(folder: Path, replaced: Replaced) -> tuple[set[str], set[str]
     there = {name for name in (*replaced.earlier, *itertools.chain(*digests)) if os.path.lexists(folder / name)}
 
     def is_unchanged(name: str) -> bool:
-        return not os.path.islink(folder / name) and file_digest(folder / name) in {one.get(name) for one in digests}
+        is_link = any(os.path.islink(folder / part) for part in (name, *Path(name).parts[:-1]))
+        return not is_link and file_digest(folder / name) in {one.get(name) for one in digests}
 
     unchanged = set(filter(is_unchanged, there))
     edited = there - unchanged - {DOCUMENT_FILE}
@@ -252,10 +272,10 @@ def _document(path: Path) -> dict[str, Any] | None:
 
 
 def _files(document: Mapping[str, Any]) -> dict[str, str]:
-    """Return name -> digest of the files that a document lists; the document is untrusted."""
+    """Return name -> digest of the files that a document lists, some in folders; the document is untrusted."""
     files = document.get("files")
     pairs = files.items() if isinstance(files, dict) else ()
-    return {name: str(digest) for name, digest in pairs if os.path.basename(name) == name and name != DOCUMENT_FILE}
+    return {name: str(digest) for name, digest in pairs if _LISTED.fullmatch(name) and name != DOCUMENT_FILE}
 
 
 def people_csv(result: Reconstruction, photo: str) -> bytes:

@@ -172,7 +172,7 @@ class ExportedFiles:
     """Files of one export, which an exporter returns.
 
     Attributes:
-        files: file name -> content.
+        files: file name -> content; a file may lie in a folder: "meshes/head.stl".
         notes: sentences for the user.
     """
 

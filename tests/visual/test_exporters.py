@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -134,3 +135,18 @@ def test_frames_stand_on_the_floor(result: Reconstruction, up: str, axis: int):
     # The camera looks along its -z: a point ahead of it in the photo is there.
     ahead = np.linalg.inv(camera_pose(frame)) @ np.append(transform_points(frame.from_camera, np.array([0, 0, 2.0])), 1)
     np.testing.assert_allclose(ahead[:3], [0, 0, -2], atol=1e-9)
+
+
+def test_a_run_removes_exports_of_an_earlier_result_but_no_file_that_the_user_named_or_edited(
+    plugin: Any, result: Reconstruction, tmp_path: Path
+):
+    out = tmp_path / "out"
+    result.save(str(out), "numbers")
+    for arguments in (["--to", "box"], ["--to", "fbx"], ["-o", out / "mine.box"]):
+        assert physic("export", out, *arguments).exit_code == 0
+    assert {"box.box", "fbx.fbx", "mine.box"} <= {file.name for file in out.iterdir()}
+    (out / "fbx.fbx").write_text("edited")
+    replace(result, photo="sha256:other").save(str(out), "numbers", overwrite=True)
+    left = {file.name for file in out.iterdir() if file.suffix in (".box", ".fbx")}
+    assert left == {"mine.box", "fbx.edited.fbx"}
+    assert (out / "fbx.edited.fbx").read_text() == "edited"

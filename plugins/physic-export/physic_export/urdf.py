@@ -1,4 +1,4 @@
-"""URDF: each person as a robot with revolute joints, and the pose of the photo beside it; metres."""
+"""URDF: each person as a robot with revolute joints, the pose of the photo beside it, and the scene; metres."""
 
 from __future__ import annotations
 
@@ -14,9 +14,12 @@ import torch
 import trimesh
 
 from physic_core import ExportedFiles, ExportRequest
+from physic_core.geometry.upright import transform_points
 from physic_export.balance import people_of
 from physic_export.humanoid import SOLE_RADIUS_M, body_segments, max_torque
+from physic_export.meshes import scene_mesh
 from physic_export.mjcf import numbers
+from physic_export.tiles import convex_tiles
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,6 +32,12 @@ if TYPE_CHECKING:
 
 _FASTEST_RAD_S = 30.0
 """Largest speed of a joint, which the format demands: about that of a knee that kicks a ball."""
+
+_MESHES = "meshes"
+"""Folder of all meshes."""
+
+_GROUND_M = (100.0, 100.0, 1.0)
+"""Sides of the box whose upper face is the floor: the format has no planes."""
 
 _SMALL_KG, _SMALL_KG_M2 = 0.01, 1e-4
 """Mass and moment of inertia of the links between the axes of one joint, which simulators do not allow to be 0."""
@@ -50,7 +59,7 @@ class _Robot:
 
     def mesh(self, name: str, mesh: Mesh) -> ElementTree.Element:
         """Add a mesh file, and return the geometry that shows it."""
-        file = f"{self.stem}_{name}.stl"
+        file = f"{_MESHES}/{self.stem}_{name}.stl"
         self.meshes[file] = trimesh.Trimesh(*mesh, process=False).export(file_type="stl")
         geometry = ElementTree.Element("geometry")
         ElementTree.SubElement(geometry, "mesh", filename=file)
@@ -58,12 +67,13 @@ class _Robot:
 
 
 def export_urdf(request: ExportRequest) -> ExportedFiles:
-    """Return a URDF file per person, its meshes, and a JSON file with the pose of the photo.
+    """Return a URDF file per person, a JSON file with the pose of the photo, the scene, and the meshes of all.
 
     The robot has the 22 segments and 51 hinges of :mod:`physic_export.humanoid`; the link ``pelvis`` is the root. All
     joints at 0 are a T-pose. A joint with several axes is several revolute joints with light links between them. The
     JSON file has ``base``, the place of the pelvis in the frame of the export, and ``joints``, the angle of each joint
-    in radians.
+    in radians. ``robot_scene.urdf`` is in the frame of the export: the surface of the scene, and what collides, its
+    convex tiles and a box under the floor.
     """
     files: dict[str, bytes] = {}
     people = people_of(request, request.people, balance=bool(request.options["balance"]))
@@ -78,8 +88,33 @@ def export_urdf(request: ExportRequest) -> ExportedFiles:
         files[name] = ElementTree.tostring(robot.root, encoding="utf-8", xml_declaration=True)
     notes = [person.note for person in people if person.note]
     if request.scene:
-        notes.append("the scene is not in a URDF file: --to mjcf, usd, obj and glb have it")
+        files |= _scene(request)
     return ExportedFiles(files, tuple(notes))
+
+
+def _scene(request: ExportRequest) -> dict[str, bytes]:
+    """Return the scene as a robot of one link, and its meshes."""
+    stem = f"{request.stem}_scene"
+    robot = _Robot(stem, _root("scene"))
+    link = ElementTree.SubElement(robot.root, "link", name="scene")
+    if (surface := scene_mesh(request)) is not None:
+        ElementTree.SubElement(link, "visual").append(robot.mesh("surface", (surface.vertices, surface.faces)))
+    for number, tile in enumerate(convex_tiles(request.result)):
+        mesh = transform_points(request.frame.from_camera, tile.vertices), tile.faces
+        ElementTree.SubElement(link, "collision").append(robot.mesh(f"tile_{number}", mesh))
+    below = np.eye(4)
+    below[2, 3] = -_GROUND_M[2] / 2
+    _add_collision(link, below, "box", size=numbers(_GROUND_M, 0))
+    ElementTree.indent(robot.root)
+    content: bytes = ElementTree.tostring(robot.root, encoding="utf-8", xml_declaration=True)
+    return {**robot.meshes, f"{stem}.urdf": content}
+
+
+def _root(name: str) -> ElementTree.Element:
+    root = ElementTree.Element("robot", name=name)
+    # MuJoCo looks for meshes beside the file otherwise; other programs skip the element.
+    ElementTree.SubElement(ElementTree.SubElement(root, "mujoco"), "compiler", strippath="false")
+    return root
 
 
 def _pose(request: ExportRequest, segments: Sequence[Segment]) -> dict[str, object]:
@@ -98,7 +133,7 @@ def _pose(request: ExportRequest, segments: Sequence[Segment]) -> dict[str, obje
 
 
 def _robot(stem: str, name: str, segments: Sequence[Segment]) -> _Robot:
-    robot = _Robot(stem, ElementTree.Element("robot", name=name))
+    robot = _Robot(stem, _root(name))
     mass = sum(one.mass for one in segments)
     for segment in segments:
         above, place = segments[segment.parent].name, segment.zero

@@ -9,11 +9,13 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 import trimesh
+from click.testing import CliRunner
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from physic_core import Reconstruction
 from physic_core.body.joints import JOINT_NAMES
+from physic_core.cli import main
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
 
@@ -49,13 +51,38 @@ def test_the_robot_with_the_angles_beside_it_has_the_pose_of_the_photo(result: R
         np.testing.assert_allclose(place, wanted[0], atol=1e-5)
         made = np.stack([turn.apply(data.body(name).xpos) + place for name in JOINT_NAMES[1:22]])
         np.testing.assert_allclose(made, wanted[1:], atol=1e-4)  # 0.1 mm
-        hand = trimesh.load(folder / f"a_{index}_left_wrist_skin.stl")
+        hand = trimesh.load(folder / "meshes" / f"a_{index}_left_wrist_skin.stl")
         frame = data.body("left_wrist").xmat.reshape(3, 3)
         skin = turn.apply(hand.vertices @ frame.T + data.body("left_wrist").xpos) + place
         assert cKDTree(transform_points(matrix, person.vertices)).query(skin)[0].max() < 2e-4
         limits = model.jnt_range
         assert (limits[:, 0] <= data.qpos).all()
         assert (data.qpos <= limits[:, 1]).all()
+
+
+def test_the_scene_is_a_robot_of_one_link_that_collides(result: Reconstruction, folder: Path):
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_path(str(folder / "a_scene.urdf"))
+    assert model.njnt == 0
+    assert mujoco.mjtGeom.mjGEOM_BOX in model.geom_type
+    matrix = export_frame(result.scene.floor, "z").from_camera
+    points = transform_points(matrix, result.scene.points[result.scene.valid])
+    surface = trimesh.load(folder / "meshes" / "a_scene_surface.stl")
+    assert cKDTree(points).query(surface.vertices)[0].max() < 0.01
+    assert {file.suffix for file in folder.iterdir() if file.is_file()} == {".urdf", ".json"}
+
+
+def test_a_run_removes_the_meshes_of_an_earlier_result(result: Reconstruction, tmp_path: Path):
+    out = tmp_path / "out"
+    result.save(str(out), "numbers")
+    before = {file.name for file in out.iterdir()}
+    done = CliRunner().invoke(main, ["export", str(out), "--to", "urdf"])
+    assert done.exit_code == 0, done.output
+    assert (out / "meshes" / "robot_scene_surface.stl").exists()
+    (out / "meshes" / "notes.txt").write_text("mine")
+    result.save(str(out), "numbers")
+    assert {file.name for file in out.iterdir()} == before | {"meshes"}
+    assert [file.name for file in (out / "meshes").iterdir()] == ["notes.txt"]
 
 
 def test_the_robot_with_all_angles_zero_is_in_a_t_pose(folder: Path):
