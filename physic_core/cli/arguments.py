@@ -24,26 +24,15 @@ def configuration_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add --config, --preset and --set to a command, which gets them as ``file``, ``preset`` and ``overrides``."""
     help_text = "A TOML file, or the reconstruction.json of a run."
     file = click.option("--config", "file", metavar="FILE", type=AnyPath(), is_eager=True, help=help_text)
-    return file(preset_options(command))
-
-
-def preset_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add --preset and --set to a command with an eager parameter ``file``, which excludes --preset."""
-    preset = click.option(
-        "--preset",
-        metavar="NAME",
-        callback=_refuse_file,
-        help="Preset to build on.  [default: embedded]",
-    )
+    default = "Preset to build on.  [default: embedded]"
+    preset = click.option("--preset", metavar="NAME", callback=_refuse_file, help=default)
     several = "Change one value; may be repeated."
-    return preset(click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help=several)(command))
+    return file(preset(click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help=several)(command)))
 
 
 def _refuse_file(ctx: click.Context, parameter: click.Parameter, preset: str | None) -> str | None:
     if preset is not None and ctx.params["file"] is not None:
-        file = next(one for one in ctx.command.params if one.name == "file")
-        name = file.opts[0] if isinstance(file, click.Option) else file.human_readable_name
-        raise click.UsageError(f'--preset cannot be combined with {name}: write extends = "NAME" into the file')
+        raise click.UsageError('--preset cannot be combined with --config: write extends = "NAME" into the file')
     return preset
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from physic_core.cli.arguments import preset_options
+from physic_core.cli.arguments import configuration_options
 from physic_core.cli.exit_codes import USAGE, WEIGHTS
 from physic_core.cli.groups import ExtensibleGroup
 from physic_core.cli.output import echo
@@ -39,17 +39,11 @@ def config() -> None:
     """Check, show or create a configuration."""
 
 
-def _source_arguments(command: Callable[..., None]) -> Callable[..., None]:
-    """Add the arguments FILE, --preset and --set to a command."""
-    file = click.argument("file", required=False, type=click.Path(path_type=Path), is_eager=True)
-    return file(preset_options(command))
-
-
 @config.command()
-@_source_arguments
+@configuration_options
 @click.pass_context
 def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> None:
-    """Check FILE and the options of its backends, and list what is missing on this machine.
+    """Check a configuration and the options of its backends, and list what is missing on this machine.
 
     No backend is loaded. A body model file is opened. Exits with code 2 if the configuration or the body model
     has errors or the device is missing, with 4 if files are missing, and with 5 if a backend is broken.
@@ -79,9 +73,9 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
 
 
 @config.command("show")
-@_source_arguments
+@configuration_options
 def show_config(file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> None:
-    """Print the resolved configuration of FILE and the source of each value."""
+    """Print a resolved configuration and the source of each value."""
     from physic_core.configuration.model import load_config
 
     echo(config_toml(load_config(file, preset=preset, overrides=overrides)), nl=False)

@@ -191,7 +191,7 @@ def test_a_lack_of_memory_is_a_message(pipeline):
         (run("--config", "x.toml"), "--preset cannot be combined with --config"),
         (run("--intrinsics", "1,2,3"), "comma-separated numbers: fx,fy,cx,cy"),
         (run("-o", ""), "'-o' / '--out': it is empty"),
-        (("config", "show", "--preset", "mock", "x.toml"), "--preset cannot be combined with FILE"),
+        (("config", "show", "--preset", "mock", "--config", "x.toml"), "--preset cannot be combined with --config"),
         (("batch", "a.jpg", "-o", "out", "--preset", "mock", "--config", "x.toml"), "cannot be combined with --config"),
         (("serve", "--preset", "mock", "--config", "x.toml"), "cannot be combined with --config"),
     ],
@@ -267,11 +267,11 @@ def test_details_show_what_a_backend_is():
 
 def test_check_prints_ok_or_the_faults():
     Path("my.toml").write_text('extends = "mock"\n[photo]\nmax_side = 640\n')
-    assert physic("config", "check", "my.toml").stdout == "my.toml: no errors\n"
-    assert refusal("config", "check", "my.toml", "--set", "inpainter.backend=telae").startswith(
+    assert physic("config", "check", "--config", "my.toml").stdout == "my.toml: no errors\n"
+    assert refusal("config", "check", "--config", "my.toml", "--set", "inpainter.backend=telae").startswith(
         "--set: inpainter.backend: no inpainter named 'telae'; installed: "
     )
-    done = physic("config", "check", "my.toml", "--set", "body_model.path=SMPLX_NEUTRAL.npz")
+    done = physic("config", "check", "--config", "my.toml", "--set", "body_model.path=SMPLX_NEUTRAL.npz")
     assert done.exit_code == 4
     assert "1 thing is missing; a run would stop:\n  body_model.path: no file at " in done.stdout
 
@@ -287,7 +287,7 @@ def test_config_show_prints_toml_that_gives_the_same_config(preset: str):
 
 def test_show_says_where_each_value_is_from():
     Path("my.toml").write_text("[photo]\nmax_side = 640\n")
-    shown = physic("config", "show", "my.toml", "--set", "run.device=cuda").stdout
+    shown = physic("config", "show", "--config", "my.toml", "--set", "run.device=cuda").stdout
     assert "max_side = 640  # my.toml\n" in shown
     assert 'device = "cuda"  # --set\n' in shown
     assert "mask_growth = 0.008  # default\n" in shown

@@ -98,7 +98,7 @@ ENTRIES = "\n".join(
         ),
         (("config", "check", "--preset", "mock", "--set", "body_model.path=no/such.npz"), 4),
         (("config", "check", "--preset", "mock", "--set", "body_model.path=wrong.npz"), 2),
-        (("config", "show", "missing.toml"), 2),
+        (("config", "show", "--config", "missing.toml"), 2),
         (("run", "photo.jpg", "--preset", "mock", "--set", "inpainter.backend=lacking"), 4),
         (("run", "photo.jpg", "--preset", "mock"), 3),
         (("plugins",), 0),

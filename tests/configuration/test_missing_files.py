@@ -124,7 +124,7 @@ def test_run_lists_missing_files_and_leaves_no_folder(heavy: Path, repository: P
 
 
 def test_config_check_reports_a_valid_config_and_missing_files(heavy: Path):
-    done = physic("config", "check", "my.toml")
+    done = physic("config", "check", "--config", "my.toml")
     assert done.exit_code == 4
     assert done.stdout.startswith("my.toml: no errors\n2 things are missing")
     assert f"{BOTH}: {NET}\n" in done.stdout

@@ -60,7 +60,7 @@ def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool)
             echo(f"left to you: {step.title}")
             for line in step.by_hand:
                 echo(f"  {line}")
-        echo(f"then: physic config check {shlex.quote(str(place / f'{preset}.toml'))}")
+        echo(f"then: physic config check --config {shlex.quote(str(place / f'{preset}.toml'))}")
     ctx.exit(0 if all(step.is_done for step in found.steps) else WEIGHTS)
 
 
@@ -88,7 +88,7 @@ def _script(found: Setup, preset: str, folder: Path, about: list[str]) -> Iterat
             path, text = step.file
             yield f"mkdir -p {shlex.quote(str(path.parent))}"
             yield f"cat > {shlex.quote(str(path))} <<'END'\n{text}END"
-    yield f"\nphysic config check {config}\n# physic run PHOTO --config {config}"
+    yield f"\nphysic config check --config {config}\n# physic run PHOTO --config {config}"
 
 
 def _costs(found: Setup) -> Iterator[str]:
