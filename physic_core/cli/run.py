@@ -85,7 +85,8 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
     "--stature",
     "photo.stature",
     type=_Numbers("metres,..."),
-    help="Known standing height, metres: one for all people, or one per person from left to right, 0 where unknown.",
+    help="Known standing height, metres: one for all people, or one per person from left to right, 0 where unknown; a "
+    "note says who got which.",
 )
 @_setting(
     "--age",

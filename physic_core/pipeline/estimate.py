@@ -158,7 +158,8 @@ def run_backends(
     run = _BackendCalls(plan.backends, load_model, stages)
     sizes = sizes or KnownSizes()
     people = run.people(image, prompt, required=plan.photo.require_people)
-    known = _known_people(sizes, people, chosen=prompt is not None)
+    known, notes = _known_people(sizes, people, chosen=prompt is not None)
+    stages.note(*notes)
     if len(people) and not sizes:
         stages.note(SIZES_OF_ADULTS)
     keypoints = run.keypoints(image, people)
@@ -216,13 +217,14 @@ def run_backends(
     )
 
 
-def _known_people(sizes: KnownSizes, people: People, *, chosen: bool) -> KnownPeople:
-    """Return what the user knows about the people, in their order if ``chosen``, else from left to right."""
+def _known_people(sizes: KnownSizes, people: People, *, chosen: bool) -> tuple[KnownPeople, tuple[str, ...]]:
+    """Return what the user knows about the people, in their order if ``chosen``, else from left to right; and notes."""
     if not any(sizes.age) and not any(sizes.stature):
-        return KnownPeople()
-    from physic_core.pipeline.known_people import known_people
+        return KnownPeople(), ()
+    from physic_core.pipeline.known_people import known_people, who_got_which
 
-    return known_people(sizes, people, chosen=chosen)
+    known = known_people(sizes, people, chosen=chosen)
+    return known, () if chosen else who_got_which(sizes, known, people)
 
 
 @dataclass(frozen=True)

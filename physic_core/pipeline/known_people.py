@@ -55,6 +55,22 @@ def known_people(known: KnownSizes, people: People, *, chosen: bool = False) -> 
     return KnownPeople(find("age", known.age), find("stature", known.stature))
 
 
+def who_got_which(known: KnownSizes, found: KnownPeople, people: People) -> tuple[str, ...]:
+    """Return a note for statures and for ages given from left to right, since people are numbered otherwise."""
+    boxes = np.asarray(people.boxes, np.float64)
+    order = np.argsort(boxes[:, 0] + boxes[:, 2], kind="stable").tolist()
+    lists = (("statures", known.stature, found.stature, " m"), ("ages", known.age, found.years, ""))
+
+    def each(values: FloatArray, unit: str) -> str:
+        return ", ".join(f"person {i} {f'{values[i]:g}{unit}' if values[i] > 0 else 'unknown'}" for i in order)
+
+    return tuple(
+        f"the {name}, from left to right: {each(values, unit)}"
+        for name, given, values, unit in lists
+        if len(given) > 1 and values is not None
+    )
+
+
 def _per_person(given: tuple[float, ...], name: str, people: People, *, chosen: bool) -> FloatArray:
     count = len(people)
     if len(given) > 1 and len(given) != count:

@@ -114,7 +114,15 @@ def compare_sizes(
     """
     warnings, measured = contradictions(estimates.known, scene, problem, result)
     given = KnownPeople(estimates.ages, estimates.statures)
-    sizes = _compare_statures(given, problem, result, _growth_to_floor(solution), is_sized=is_sized)
+    growth = _growth_to_floor(solution)
+    sizes = _compare_statures(given, problem, result, growth, is_sized=is_sized)
+    limit = CHECKS["given_size"].threshold
+    for i, (size, own) in enumerate(zip(sizes, growth, strict=True)):
+        if own and size and (size["stature_sigmas"] or 0) <= limit:  # else the check warns
+            warnings.append(
+                f"person {i} stands off the floor with the given size: the photo shows {size['shown_stature_m']:.2f} "
+                f"m, and {size['given_stature_m']:.2f} m was given or is usual; several sizes go from left to right"
+            )
     people = tuple({**own, **size} for own, size in zip(solution.people, sizes, strict=True))
     return warnings, replace(solution, people=people, diagnostics={**solution.diagnostics, **measured})
 

@@ -143,6 +143,15 @@ def test_statures_are_given_from_left_to_right() -> None:
     np.testing.assert_equal(known_people(KnownSizes(stature=(1.7,)), people([70, 20])).stature, [1.7, 1.7])
 
 
+def test_a_given_stature_that_lifts_a_person_off_the_floor_is_a_warning() -> None:
+    found = run(build_world("hug", 1, SIZE), KnownSizes(stature=(1.55, 1.9)))
+    (check,) = [check for check in found.checks if check.name == "given_size" and check.person == 0]
+    assert check.ok
+    (warning,) = [text for text in found.warnings if "off the floor with the given size" in text]
+    assert warning.startswith("person 0 ")
+    assert "1.55 m" in warning
+
+
 def test_statures_of_chosen_people_are_in_their_order() -> None:
     found = known_people(KnownSizes(stature=(1.5, 0, 1.8)), people([70, 20, 40]), chosen=True).stature
     np.testing.assert_equal(found, [1.5, np.nan, 1.8])
