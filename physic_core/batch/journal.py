@@ -229,7 +229,7 @@ def write_people_table(out: Path) -> Path:
         OutputError: the file cannot be written, or PhySIC has not written the one there.
     """
     check_own(out / PEOPLE_TABLE, mark=PEOPLE_MARK)
-    people = ({"photo": row["id"], **one} for row in last_rows(out) for one in row.get(PEOPLE_COLUMN) or ())
+    people = ({"id": row["id"], **one} for row in last_rows(out) for one in row.get(PEOPLE_COLUMN) or ())
     with atomic_write(out) as temporary, temporary(PEOPLE_TABLE).open("w", newline="", encoding="utf-8") as file:
         write_csv(file, list(PERSON_COLUMNS), people)
     return out / PEOPLE_TABLE

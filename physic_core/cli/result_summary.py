@@ -70,7 +70,7 @@ def summary_text(
     backends = [stage for stage in stages if stage.provenance is not None]
     if cached := sum(stage.cached for stage in backends):
         count = f"{cached} of {len(backends)}"
-        lines.append(f"{count} backend outputs come from the cache; --set run.cache=false runs them all")
+        lines.append(f"{count} backends were not run, since the cache has their results; --no-cache runs all")
     if people:
         lines.append(_table([_row(person, record) for person in people], width))
     lines += [

@@ -286,7 +286,7 @@ def people_csv(result: Reconstruction, photo: str) -> bytes:
         photo: its name.
     """
     text = io.StringIO(newline="")
-    write_csv(text, list(PERSON_COLUMNS), ({"photo": photo, **row} for row in person_rows(result)))
+    write_csv(text, list(PERSON_COLUMNS), ({"id": photo, **row} for row in person_rows(result)))
     return text.getvalue().encode()
 
 

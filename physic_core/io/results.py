@@ -264,7 +264,9 @@ def _read(folder: Path, names: Collection[str] | None = None) -> tuple[dict[str,
 
 def _unreadable(path: Path, error: OSError) -> InputError:
     if isinstance(error, FileNotFoundError | NotADirectoryError):
-        return InputError(f"cannot read {path}: there is no such file; name the folder of a finished run")
+        of_batch = next(path.parent.glob(f"photos/*/*/{path.name}"), None)
+        which = "" if of_batch is None else f", of a batch that of one photo, such as {of_batch.parent}"
+        return InputError(f"cannot read {path}: there is no such file; name the folder of a finished run{which}")
     return InputError(f"cannot read {path}: {error.strerror}; check who may read it")
 
 

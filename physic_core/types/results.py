@@ -242,10 +242,11 @@ class Reconstruction(ShortRepr):
         """Return a flat dictionary, as one row of a table: the grade and numbers, None where not measured.
 
         Keys: grade, people (bodies: those with a finite body), width_px, height_px, focal_px, focal_known, floor_found,
-        scene_valid_share, scene_scale, scale_sigma, distance_sigma, nearest_person_m and farthest_person_m (depth of
-        the pelvis), contact_vertices, contact_parts (pairs of a body part and what it touches), ``contact_KIND`` (of
-        these pairs, those with floor, scene, person, self or hidden), failed_checks, unknown_checks, warnings, seconds,
-        load_seconds, and ``check_NAME`` for each self-check, the worst value of all people.
+        scene_valid_share, scene_scale, scale_sigma, distance_sigma, nearest_person_m and farthest_person_m (of the
+        pelvis from the camera), contact_vertices, contact_parts (pairs of a body part and what it touches),
+        ``contact_KIND`` (of these pairs, those with floor, scene, person, self or hidden), failed_checks,
+        unknown_checks, warnings, seconds, load_seconds, and ``check_NAME`` for each self-check, the worst value of all
+        people.
         """
         values = {name: value(self) for name, value in _SUMMARY.items()}
         by_name: dict[str, list[CheckResult]] = defaultdict(list)
@@ -311,10 +312,9 @@ class Reconstruction(ShortRepr):
         return loaded
 
 
-def _depths_m(result: Reconstruction) -> list[float]:
-    """Return the depth of the pelvis of each person with a body."""
-    joints = (person.joints for person in result.people)
-    return [float(one[0, 2]) for one in joints if len(one) and all(map(math.isfinite, one[0].tolist()))]
+def _distances_m(result: Reconstruction) -> list[float]:
+    """Return the distance of each person with a body."""
+    return [distance for person in result.people if (distance := pelvis_distance_m(person)) is not None]
 
 
 def _touched(result: Reconstruction, kinds: Sequence[str] = PARTNER_KINDS) -> int | None:
@@ -327,7 +327,7 @@ def _touched(result: Reconstruction, kinds: Sequence[str] = PARTNER_KINDS) -> in
 _SUMMARY: dict[str, Callable[[Reconstruction], float | int | str | None]] = {
     "grade": lambda result: None if result.grade is None else str(result.grade),
     "people": lambda result: len(result.people),
-    "bodies": lambda result: len(_depths_m(result)),
+    "bodies": lambda result: len(_distances_m(result)),
     "width_px": lambda result: result.intrinsics.width,
     "height_px": lambda result: result.intrinsics.height,
     "focal_px": lambda result: result.intrinsics.fy,
@@ -337,8 +337,8 @@ _SUMMARY: dict[str, Callable[[Reconstruction], float | int | str | None]] = {
     "scene_scale": lambda result: result.scene.scale,
     "scale_sigma": lambda result: result.scene.scale_sigma,
     "distance_sigma": lambda result: result.distance_sigma,
-    "nearest_person_m": lambda result: min(_depths_m(result), default=None),
-    "farthest_person_m": lambda result: max(_depths_m(result), default=None),
+    "nearest_person_m": lambda result: min(_distances_m(result), default=None),
+    "farthest_person_m": lambda result: max(_distances_m(result), default=None),
     "contact_vertices": lambda result: sum(int(person.contact.sum()) for person in result.people),
     "contact_parts": _touched,
     **{f"contact_{kind}": partial(_touched, kinds=(kind,)) for kind in PARTNER_KINDS},
@@ -419,8 +419,8 @@ _ROW: dict[str, Callable[[Reconstruction, int], Any]] = {
     "assumed": lambda result, index: likely_contacts(result.people[index].contacts, assumed=True),
 }
 
-PERSON_COLUMNS = ("photo", *_ROW)
-"""Columns of ``people.csv``; the photo is its name, in a batch its id."""
+PERSON_COLUMNS = ("id", *_ROW)
+"""Columns of ``people.csv``; the id is the name of the photo, in a batch its id."""
 
 
 _MAIN_SHARE = 0.5

@@ -39,11 +39,14 @@ def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(tmp_path: Pat
     assert (rows["stand.png"]["people"], rows["stand.png"]["state"]) == ("1", "done")
     with Path("out/people.csv").open(newline="") as file:
         (person,) = csv.DictReader(file)
-    assert (person["photo"], person["person"], person["main"]) == (rows["stand.png"]["id"], "0", "True")
+    assert (person["id"], person["person"], person["main"]) == (rows["stand.png"]["id"], "0", "True")
     assert float(person["distance_m"]) > 1
     assert 1.4 < float(person["stature_m"]) < 2.1
     people = Path("out", rows["stand.png"]["folder"], "reconstruction.npz")
     assert people.stat().st_size < 500_000
+    for command in ("show", "export"):
+        refused = CliRunner().invoke(main, [command, "out", *(["--to", "glb"] if command == "export" else [])])
+        assert (refused.exit_code, Path("out", rows["stand.png"]["folder"]).as_posix() in refused.output) == (3, True)
     journal = Path("out/journal.jsonl").read_text()
     Path("out/people.csv").unlink()
     again = physic(*options)

@@ -72,7 +72,7 @@ def test_the_table_has_a_row_for_each_photo(batch: Path):
 
 def people_of(out: Path) -> list[tuple[str, str]]:
     with write_people_table(out).open(newline="", encoding="utf-8") as file:
-        return [(row["photo"], row["person"]) for row in csv.DictReader(file)]
+        return [(row["id"], row["person"]) for row in csv.DictReader(file)]
 
 
 def test_each_person_has_a_row_in_the_order_of_the_photos(batch: Path, result: Reconstruction):

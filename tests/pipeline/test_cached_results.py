@@ -223,12 +223,12 @@ def test_without_the_cache_every_backend_is_called_and_nothing_is_kept(
 
 def test_the_summary_says_what_came_from_the_cache(warm: Path, photo: Path, tmp_path: Path) -> None:
     said = physic("run", str(photo), "--preset", "mock", "-o", str(tmp_path / "out")).splitlines()
-    assert said[1] == "9 of 9 backend outputs come from the cache; --set run.cache=false runs them all"
+    assert said[1] == "9 of 9 backends were not run, since the cache has their results; --no-cache runs all"
     said = physic(
         *("run", str(photo), "--preset", "mock", "-o", str(tmp_path / "out")),
         *("--set", "metric_depth.options.noise=0.5"),
     ).splitlines()
-    assert said[1] == "8 of 9 backend outputs come from the cache; --set run.cache=false runs them all"
+    assert said[1] == "8 of 9 backends were not run, since the cache has their results; --no-cache runs all"
 
 
 def test_the_config_bounds_what_is_kept(warm: Path, counts: Counts, photo: Path) -> None:

@@ -217,7 +217,7 @@ def test_a_summary_is_the_grade_and_flat_numbers(result: Reconstruction):
     assert numbers.pop("grade") == result.grade
     assert all(value is None or type(value) in (int, float) for value in numbers.values())
     assert (numbers["people"], numbers["width_px"], numbers["height_px"]) == (1, 160, 120)
-    assert numbers["nearest_person_m"] == pytest.approx(float(result.people[0].joints[0, 2]))
+    assert numbers["nearest_person_m"] == pytest.approx(float(np.linalg.norm(result.people[0].joints[0])))
     assert numbers["contact_vertices"] == int(result.people[0].contact.sum())
     assert {f"check_{check.name}" for check in result.checks} < numbers.keys()
 

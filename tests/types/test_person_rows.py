@@ -74,7 +74,7 @@ def test_a_row_says_where_a_person_is_and_what_is_known(two_people: Reconstructi
             "assumed": "",
         },
     ]
-    assert all(["photo", *row] == list(PERSON_COLUMNS) for row in person_rows(two_people))
+    assert all(["id", *row] == list(PERSON_COLUMNS) for row in person_rows(two_people))
 
 
 @pytest.mark.parametrize(
