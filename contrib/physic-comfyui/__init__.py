@@ -13,8 +13,8 @@ import torch
 
 from physic_core import Pipeline, Reconstruction
 from physic_core.types.results import pelvis_distance_m
-from physic_core.visual.orthographic_views import build_preview_geometry
 from physic_core.visual.panels import overlay_panel
+from physic_core.visual.views import build_preview_geometry
 
 
 @lru_cache(maxsize=1)

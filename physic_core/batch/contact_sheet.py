@@ -194,8 +194,8 @@ def thumbnail_jpeg(result: Reconstruction, height: int) -> bytes:
     import numpy as np
     from PIL import Image
 
-    from physic_core.visual.orthographic_views import build_preview_geometry, side_view
     from physic_core.visual.panels import overlay_panel
+    from physic_core.visual.views import build_preview_geometry, side_view
 
     geometry = build_preview_geometry(result)
     aspect = result.image.shape[1] / result.image.shape[0]

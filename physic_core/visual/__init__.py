@@ -2,5 +2,5 @@
 
 Other packages use :mod:`.preview`, :mod:`.glb` and :mod:`.report` for files, :mod:`.export` for formats of plugins,
 and the parts that these are made of: :mod:`.palette`, :mod:`.render`, :mod:`.surface`, :mod:`.rig`,
-:mod:`.textures`, :mod:`.glb_builder`, :mod:`.panels` and :mod:`.orthographic_views`.
+:mod:`.textures`, :mod:`.glb_builder`, :mod:`.panels` and :mod:`.views`.
 """

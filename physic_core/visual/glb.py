@@ -34,7 +34,7 @@ from physic_core.visual.palette import (
 )
 from physic_core.visual.rig import Rig, rigs
 from physic_core.visual.supports import SLAB_FACES, assumed_supports
-from physic_core.visual.surface import BACKDROP, SceneMesh, mesh_backdrop, mesh_scene, scene_reach, unit_normals
+from physic_core.visual.surface import BACKDROP, SceneMesh, scene_meshes, scene_reach, unit_normals
 from physic_core.visual.textures.dressed import GUESSED, dressed_bodies, dressed_images, image_of_vertices
 from physic_core.visual.textures.photo import encode_image
 
@@ -337,8 +337,7 @@ def _add_mesh(
 
 def textured_scene(result: Reconstruction, frame: ExportFrame) -> _Background:
     """Return mesh and texture of the scene, and its floor in a frame."""
-    surface = mesh_scene(result.scene, scene_reach(result))
-    backdrop = mesh_backdrop(result, surface)
+    surface, backdrop = scene_meshes(result)
     return _Background(surface, backdrop, *_power_of_two(result.scene.colors), drawn_floor(result, frame, surface))
 
 

@@ -5,6 +5,7 @@ The table has each person's contact, grade, distance, and the checks that the gr
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -16,26 +17,29 @@ from physic_core.geometry.upright import gltf_from_camera, transform_points
 from physic_core.types import Grade
 from physic_core.types.contacts import likely_contacts
 from physic_core.types.results import metres_text
-from physic_core.visual.orthographic_views import PAGE_RGB
 from physic_core.visual.palette import painted_contact, person_color
 from physic_core.visual.render import (
-    LONGEST_BODY_EDGE_M,
+    RenderedLayer,
     View,
     blend_over,
-    prepare_meshes,
     render_mesh,
+    render_points,
+    shade,
 )
+from physic_core.visual.views import PAGE_RGB
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.types import Reconstruction, UInt8Array
-    from physic_core.visual.orthographic_views import PreviewGeometry
+    from physic_core.visual.views import PreviewGeometry
 
     Array = NDArray[np.float64]
     Line = tuple[str, tuple[int, int, int]]
 
 _OUTLINE_PX = 2
+_SPOT_PX = 5  # side of the squares that a body's triangles are drawn as, in pictures of twice the size
+_LARGE, _MOST_SPOTS = 95, 200_000  # percentile of the triangles' areas that a square covers, and most triangles
 _STEP = 0.05  # difference of colour between two people, or a person and nobody, of 1
 
 CONTACT_VIEWS = ("front", "back", "below")
@@ -48,6 +52,9 @@ _LEFT_SHOULDER, _RIGHT_SHOULDER = joint_pair("shoulder")
 _PELVIS, _NECK = JOINT_INDEX["pelvis"], JOINT_INDEX["neck"]
 # The font has none of these.
 _PLAIN = str.maketrans({"×": "x", "—": "-", "–": "-", "−": "-", "’": "'", "‘": "'", "“": '"', "”": '"', "…": "..."})
+
+UNKNOWN_RGB = (190, 190, 188)
+"""sRGB colour of unknown depth."""
 
 MAX_PEOPLE = 16
 """Maximum number of people with a row."""
@@ -77,14 +84,15 @@ def bodies_over(photo: UInt8Array, view: View, geometry: PreviewGeometry) -> UIn
 
     if geometry.people is None:
         return photo
-    dressed, plain = (
-        render_mesh(geometry.people, view, colors, is_lit=False) for colors in (geometry.dress, geometry.people_colors)
-    )
-    picture = blend_over(dressed, (photo / 255.0).astype(np.float32))
+    colors = np.concatenate([geometry.dress, geometry.people_colors], 1)
+    layer = render_mesh(geometry.people, view, colors)
+    dressed, plain = (np.ascontiguousarray(one) for one in np.split(layer.color, 2, axis=-1))
+    plain = cv2.medianBlur(plain, 3)  # a ray may pass between two triangles
+    picture = blend_over(replace(layer, color=dressed), (photo / 255.0).astype(np.float32))
     near = np.ones((2 * _OUTLINE_PX + 1,) * 2, np.uint8)
-    step = cv2.dilate(plain.color, near) - cv2.erode(plain.color, near, borderType=cv2.BORDER_REPLICATE)
-    outline = (plain.alpha == 1) & (step > _STEP).any(-1)
-    picture[outline] = plain.color[outline]
+    step = cv2.dilate(plain, near) - cv2.erode(plain, near, borderType=cv2.BORDER_REPLICATE)
+    outline = (layer.alpha == 1) & (step > _STEP).any(-1)
+    picture[outline] = plain[outline]
     return _bytes(picture)
 
 
@@ -110,7 +118,7 @@ def depth_panel(reconstruction: Reconstruction, width: int, height: int) -> UInt
     near, far = depth_range(reconstruction)
     depth = shrunk(np.nan_to_num(scene.points[..., 2], nan=far, posinf=far, neginf=near).astype(np.float32))
     picture = colored_depth(depth, near, far)
-    picture[shrunk(scene.valid.astype(np.uint8)) == 0] = (190, 190, 188)
+    picture[shrunk(scene.valid.astype(np.uint8)) == 0] = UNKNOWN_RGB
     for person in reconstruction.people:
         outline, _ = cv2.findContours(shrunk(person.mask.astype(np.uint8)), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
         cv2.drawContours(picture, outline, -1, (255, 255, 255), 1, cv2.LINE_AA)
@@ -131,27 +139,49 @@ def render_contact_views(reconstruction: Reconstruction, index: int, width: int,
 
     The view from below is enlarged by up to 1.5 times.
     """
+    import cv2
+
     person = reconstruction.people[index]
     matrix = gltf_from_camera(reconstruction.scene.floor)
     vertices, joints = transform_points(matrix, person.vertices), transform_points(matrix, person.joints)
     picture = np.tile((np.array(PAGE_RGB) / 255).astype(np.float32), (height, width, 1))
-    shapes = prepare_meshes([vertices], reconstruction.faces, longest_edge=LONGEST_BODY_EDGE_M)
-    if shapes is None or not np.isfinite(vertices).all():
+    if not np.isfinite(vertices).all():
         return _bytes(picture)
-    colors = painted_contact(person, reconstruction.contact_partners) / 255.0
     edges = np.linspace(0, width, len(CONTACT_VIEWS) + 1).astype(int)
-    corners, fits = [], []
+    boxes, fits = [], []
     for (right, top), room in zip(_view_axes(joints), np.diff(edges), strict=True):
         axes = np.stack([right, top, np.cross(right, top)])
         low, high = (vertices @ axes.T).min(0), (vertices @ axes.T).max(0)
-        corners.append((axes, axes.T @ ((low + high) / 2)))
+        boxes.append((axes, axes.T @ ((low + high) / 2)))
         fits.append(min(room / (high[0] - low[0] + 0.1), height / (high[1] - low[1] + 0.1)))
     upright = min(fits[:2])
     scales = upright, upright, min(fits[2], 1.5 * upright)
-    for (axes, middle), scale, left, end in zip(corners, scales, edges[:-1], edges[1:], strict=True):
-        view = View.orthographic(axes, middle, scale, (int(end - left), height))
-        picture[:, left:end] = blend_over(render_mesh(shapes, view, colors), picture[:, left:end])
+    # Squares at the middles of small triangles are drawn faster than triangles.
+    paint = painted_contact(person, reconstruction.contact_partners) / 255.0
+    corners = np.concatenate([vertices, paint], 1)[reconstruction.faces]
+    normals, doubled = _normals(corners)
+    while np.percentile(doubled, _LARGE) > (_SPOT_PX / 2 / upright) ** 2 and len(corners) < _MOST_SPOTS:
+        beside = 0.5 * (corners + np.roll(corners, -1, axis=1))
+        outer = [np.stack([corners[:, k], beside[:, k], beside[:, k - 1]], 1) for k in range(3)]
+        corners = np.concatenate([*outer, beside])
+        normals, doubled = _normals(corners)
+    middles, colors = np.split(corners.mean(1), 2, axis=1)
+    for (axes, middle), scale, left, end in zip(boxes, scales, edges[:-1], edges[1:], strict=True):
+        size = int(end - left), height
+        view = View.orthographic(axes, middle, 2 * scale, (2 * size[0], 2 * size[1]))
+        front = normals @ axes[2] > 0
+        layer = render_points(view, middles[front], shade(normals[front], view.axes, colors[front]), _SPOT_PX // 2)
+        color, alpha = (cv2.resize(one, size, interpolation=cv2.INTER_AREA) for one in (layer.color, layer.alpha))
+        picture[:, left:end] = blend_over(RenderedLayer(color, alpha, alpha), picture[:, left:end])
     return _bytes(picture)
+
+
+def _normals(corners: Array) -> tuple[Array, Array]:
+    """Return unit normals (F, 3) and doubled areas (F,) of triangles, of which the first of (F, 3, n) are positions."""
+    a, b, c = corners[..., :3].transpose(1, 0, 2)
+    normals = np.cross(b - a, c - a)
+    doubled = np.linalg.norm(normals, axis=1)
+    return normals / np.maximum(doubled, 1e-12)[:, None], doubled
 
 
 def _view_axes(joints: Array) -> list[tuple[Array, Array]]:
@@ -214,7 +244,7 @@ def people_table(reconstruction: Reconstruction, width: int) -> Image.Image:
         width: of the table, px.
     """
     people = range(min(len(reconstruction.people), MAX_PEOPLE))
-    tall = int(np.clip(500 / len(people), 100, 200))  # px of the figures
+    tall = int(np.clip(500 / len(people), 100, 160))  # px of the figures
     figures = 2 * tall
     free = width - figures - _NUMBER - _GRADE - _DISTANCE
     columns = np.cumsum([0, _NUMBER, figures, _GRADE, _DISTANCE, 0.45 * free]).tolist()

@@ -20,18 +20,12 @@ from physic_core.files.atomic import MARK
 from physic_core.geometry.upright import up_in_camera
 from physic_core.types import summarize_checks
 from physic_core.types.results import metres_text
-from physic_core.visual.orthographic_views import (
-    PAGE_RGB,
-    LabeledView,
-    build_preview_geometry,
-    side_view,
-    top_view,
-)
 from physic_core.visual.palette import CONTACT_PALETTE, FAINT, FLOOR_RGB, contact_legend, has_faint_contact
 from physic_core.visual.panels import (
     ALERT_RGB,
     INK_RGB,
     SOFT_RGB,
+    UNKNOWN_RGB,
     colored_depth,
     depth_panel,
     depth_range,
@@ -45,6 +39,14 @@ from physic_core.visual.panels import (
 )
 from physic_core.visual.render import View
 from physic_core.visual.textures.dressed import GUESSED
+from physic_core.visual.views import (
+    PAGE_RGB,
+    LabeledView,
+    build_preview_geometry,
+    side_view,
+    top_view,
+    view_from_aside,
+)
 
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction, UInt8Array
@@ -91,13 +93,14 @@ def _draw_dashed(pen: ImageDraw.ImageDraw, corners: Sequence[tuple[float, float]
             pen.line((*spots[dash], *spots[dash + 1]), fill=rgb, width=2)
 
 
-_WIDTH = 1800
+_WIDTH = 1280
 """Width of the preview, px."""
 
 _MARGIN, _GAP, _TITLE = 24, 18, 30
-_ROW = 440  # height of the second row of panels, px
-_CELL = 300  # room that a panel of the first row has at least, for its title and the depth's bar, px
+_TALLEST, _ROW = 540, 320  # most px of a picture in height, and px of the views below
+_CELL = 300  # room that a picture has at least, for its title and the depth's bar, px
 _SHOWN_MESSAGES = 6
+_NAME = 17  # height of a name in a view, px
 _HEAD, _NECK = JOINT_INDEX["head"], JOINT_INDEX["neck"]
 _DEPTH_TITLE = "Depth without people"
 
@@ -116,12 +119,12 @@ def preview_png(reconstruction: Reconstruction) -> bytes:
     """Render the preview of a reconstruction and encode it as PNG."""
     buffer, note = io.BytesIO(), PngInfo()
     note.add_text("Comment", MARK)
-    preview_image(reconstruction).save(buffer, "PNG", compress_level=2, pnginfo=note)
+    preview_image(reconstruction).save(buffer, "PNG", compress_level=1, pnginfo=note)
     return buffer.getvalue()
 
 
 def preview_image(reconstruction: Reconstruction) -> Image.Image:
-    """Render photo, overlay, depth, side view, top view and a table of people in one image, 1800 px wide."""
+    """Render photo, overlay, depth, three views and a table of people in one image, 1280 px wide."""
     height, width = reconstruction.image.shape[:2]
     geometry = build_preview_geometry(reconstruction)
     room = _WIDTH - 2 * _MARGIN
@@ -139,18 +142,30 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
     draw_text(pen, (_MARGIN, _MARGIN - 6), _title(reconstruction), 30)
     for line, fact in enumerate(facts):
         draw_text(pen, (_MARGIN, _MARGIN + 38 + 24 * line), fact, 17, SOFT_RGB)
-    photo, mesh, depth, side, above = frames
+    photo, mesh, depth, aside, side, above = frames
     _draw_panel(page, photo, "Photo", photo_panel(reconstruction.image, photo.width, photo.height))
     _draw_panel(page, mesh, "People over the photo", overlay_panel(reconstruction, geometry, mesh.width, mesh.height))
     draw_unposed(pen, reconstruction, mesh.x, mesh.y, mesh.width, mesh.height)
     _name_people(pen, mesh, reconstruction)
     _draw_panel(page, depth, _DEPTH_TITLE, depth_panel(reconstruction, depth.width, depth.height))
     _depth_bar(page, depth, depth_range(reconstruction))
-    up = "" if reconstruction.scene.floor else " (no floor found: up is the camera's)"
+    if not reconstruction.scene.valid.all():
+        at = depth.x + 6, depth.y + depth.height - 6
+        pen.text(
+            at,
+            "grey: distance unknown",
+            font=font(13),
+            fill=UNKNOWN_RGB,
+            anchor="ls",
+            stroke_width=2,
+            stroke_fill=INK_RGB,
+        )
+    up = "" if reconstruction.scene.floor else " (up is the camera's)"
+    _draw_panel(page, aside, "From aside", view_from_aside(geometry, aside.width, aside.height))
     _draw_view(page, side, f"From the side{up}", side_view(geometry, side.width, side.height))
     _draw_view(page, above, "From above", top_view(geometry, above.width, above.height))
     if geometry.crowns:
-        pen.text((above.x + above.width, above.y - 8), GUESSED, font=font(14), fill=SOFT_RGB, anchor="rs")
+        pen.text((aside.x + aside.width, aside.y - 8), GUESSED, font=font(14), fill=SOFT_RGB, anchor="rs")
     if table is not None:
         draw_text(pen, (_MARGIN, below), "Contact and checks", 18)
         _contact_legend(pen, (_MARGIN + font(18).getlength("Contact and checks") + 24, below + 6), reconstruction)
@@ -202,20 +217,12 @@ def _title(reconstruction: Reconstruction) -> str:
 
 
 def _layout(aspect: float, top: int) -> tuple[_Frame, ...]:
-    """Return the frames of photo, overlay, depth, side view and top view, below a row of px."""
-    room, y = _WIDTH - 2 * _MARGIN, top + _TITLE
-    if aspect > 1.05:
-        width, half = (room - 2 * _GAP) // 3, (room - _GAP) // 2
-        height, low = round(width / aspect), y + round(width / aspect) + _GAP + _TITLE
-        views = [_Frame(_MARGIN + i * (half + _GAP), low, half, _ROW) for i in (0, 1)]
-    else:
-        # An upright photo leaves room for the side and top views beside the three pictures.
-        height = min(700, round((room - 3 * _GAP - 420) / (3 * aspect)))
-        width, left = round(height * aspect), _MARGIN + 3 * (max(round(height * aspect), _CELL) + _GAP)
-        half = (height - _GAP - _TITLE) // 2
-        views = [_Frame(left, y + i * (height - half), _WIDTH - _MARGIN - left, half) for i in (0, 1)]
-    pictures = [_Frame(_MARGIN + i * (max(width, _CELL) + _GAP), y, max(width, 1), height) for i in range(3)]
-    return (*pictures, *views)
+    """Return the frames of photo, overlay and depth in a row below a row of px, and of three views below them."""
+    wide, y = (_WIDTH - 2 * _MARGIN - 2 * _GAP) // 3, top + _TITLE
+    height = min(_TALLEST, round(wide / aspect))
+    width, low = max(round(height * aspect), 1), y + height + _GAP + _TITLE
+    columns = [_MARGIN + i * (wide + _GAP) for i in range(3)]
+    return (*(_Frame(x, y, width, height) for x in columns), *(_Frame(x, low, wide, _ROW) for x in columns))
 
 
 def _draw_panel(page: Image.Image, frame: _Frame, title: str, picture: UInt8Array) -> None:
@@ -265,12 +272,6 @@ def _draw_view(page: Image.Image, frame: _Frame, title: str, plan: LabeledView) 
         x, y = frame.x + plan.camera[0], frame.y + plan.camera[1]
         pen.ellipse((x - 5, y - 5, x + 5, y + 5), fill=INK_RGB)
         pen.text((x + 10, y - 4), "camera", font=font(13), fill=INK_RGB, anchor="lm")
-    _draw_assumed(page, frame, plan)
-    for index, (column, row) in plan.crowns.items():
-        x, y = (
-            float(np.clip(value, 12, size - 12)) for value, size in ((column, frame.width), (row - 16, frame.height))
-        )
-        draw_person_number(pen, frame.x + x, frame.y + y, index)
     length = next((bar for bar in (1, 2, 5, 10) if bar * plan.pixels_per_metre >= 40), 20)
     x, y = frame.x + 16, frame.y + 28
     end = x + length * plan.pixels_per_metre
@@ -279,19 +280,31 @@ def _draw_view(page: Image.Image, frame: _Frame, title: str, plan: LabeledView) 
     for edge in (x, end):
         pen.line((edge, y - 5, edge, y + 5), fill=INK_RGB, width=2)
     pen.text(((x + end) / 2, y - 5), f"{length} m", font=font(14), fill=INK_RGB, anchor="mb")
+    _draw_assumed(page, frame, plan)
+    for index, (column, row) in plan.crowns.items():
+        x, y = (
+            float(np.clip(value, 12, size - 12)) for value, size in ((column, frame.width), (row - 16, frame.height))
+        )
+        draw_person_number(pen, frame.x + x, frame.y + y, index)
 
 
 def _draw_assumed(page: Image.Image, frame: _Frame, plan: LabeledView) -> None:
     """Draw the outlines of the supports that the photo does not show in a view, with their names."""
     import cv2
 
+    taken: list[tuple[float, float, float]] = []  # left, right and top of names
     for name, corners in plan.assumed:
         layer = page.crop((frame.x, frame.y, frame.x + frame.width, frame.y + frame.height))
         outline = cv2.convexHull(corners.astype(np.float32))[:, 0]
         pen, rgb = ImageDraw.Draw(layer), CONTACT_PALETTE["hidden support"]
         _draw_dashed(pen, [(float(x), float(y)) for x, y in outline], rgb)
-        x, y = float(outline[:, 0].mean()), float(outline[:, 1].max())
-        pen.text((x, y + 4), name, font=font(14), fill=rgb, anchor="ma", stroke_width=2, stroke_fill=PAGE_RGB)
+        half = font(14).getlength(name) / 2
+        x = float(np.clip(outline[:, 0].mean(), half, max(half, frame.width - half)))
+        y = float(min(outline[:, 1].max() + 4, frame.height - _NAME))
+        while any(left < x + half and x - half < right and abs(y - top) < _NAME for left, right, top in taken):
+            y -= _NAME
+        taken.append((x - half, x + half, y))
+        pen.text((x, y), name, font=font(14), fill=rgb, anchor="ma", stroke_width=2, stroke_fill=PAGE_RGB)
         page.paste(layer, (frame.x, frame.y))
 
 

@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.geometry.mesh import vertex_normals
-
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -98,13 +96,11 @@ class RayCastMesh:
     Attributes:
         vertices: (N * V, 3) metres.
         faces: (N * F, 3), counter-clockwise from outside.
-        normals: (N * V, 3) unit.
         caster: of the faces.
     """
 
     vertices: Array
     faces: NDArray[np.int64]
-    normals: Array
     caster: RayCaster
 
 
@@ -113,7 +109,7 @@ class RenderedLayer:
     """Rendered image with transparency and distance.
 
     Attributes:
-        color: (H, W, 3) float32, premultiplied by ``alpha``.
+        color: (H, W, C) float32, premultiplied by ``alpha``.
         alpha: (H, W) float32.
         distance: (H, W) float32 as in :meth:`View.project`, metres; inf where empty.
     """
@@ -147,22 +143,21 @@ def prepare_meshes(
         triangles = triangles[length <= longest_edge]
         if not len(triangles):
             return None
-    return RayCastMesh(vertices, triangles, vertex_normals(vertices, triangles), RayCaster(vertices, triangles))
+    return RayCastMesh(vertices, triangles, RayCaster(vertices, triangles))
 
 
-def render_mesh(shapes: RayCastMesh, viewer: View, colors: Array, *, is_lit: bool = True) -> RenderedLayer:
+def render_mesh(shapes: RayCastMesh, viewer: View, colors: Array) -> RenderedLayer:
     """Render meshes by ray casting: one ray a pixel, and four where there is an edge.
 
     Args:
         shapes: meshes in the frame of ``viewer``.
         viewer: the camera.
-        colors: (N * V, 3) sRGB of each vertex.
-        is_lit: whether there is light from the upper left; without it, the mesh has the colours as they are.
+        colors: (N * V, C) of each vertex.
     """
     import cv2
 
     width, height = viewer.size
-    color = np.zeros((height, width, 4), np.float32)
+    color = np.zeros((height, width, colors.shape[1] + 1), np.float32)
     distance = np.full((height, width), np.inf, np.float32)
     spots = viewer.project(shapes.vertices)[:, :2]
     low, high = np.nan_to_num(np.nanmin(spots, 0, initial=np.inf)), np.nan_to_num(np.nanmax(spots, 0, initial=-np.inf))
@@ -170,15 +165,16 @@ def render_mesh(shapes: RayCastMesh, viewer: View, colors: Array, *, is_lit: boo
     x1, y1 = np.clip(np.ceil(high) + 2, 0, viewer.size).astype(int).tolist()
     if x0 < x1 and y0 < y1:
         columns, rows = np.meshgrid(np.arange(x0, x1, dtype=np.float64), np.arange(y0, y1, dtype=np.float64))
-        coarse, depth = _cast_rays(shapes, viewer, colors, columns, rows, is_lit)
+        coarse, depth = _cast_rays(shapes, viewer, colors, columns, rows)
         near = np.ones((3, 3), np.uint8)
-        edge = (cv2.dilate(coarse, near) - cv2.erode(coarse, near) > _EDGE).any(-1)
+        steep = [cv2.dilate(one, near) - cv2.erode(one, near) > _EDGE for one in cv2.split(coarse)]
+        edge = np.logical_or.reduce(steep)
         steps = (np.arange(_RAYS) + 0.5) / _RAYS - 0.5
         beside, below = np.tile(steps, _RAYS), np.repeat(steps, _RAYS)
-        fine, deep = _cast_rays(shapes, viewer, colors, columns[edge, None] + beside, rows[edge, None] + below, is_lit)
+        fine, deep = _cast_rays(shapes, viewer, colors, columns[edge, None] + beside, rows[edge, None] + below)
         coarse[edge], depth[edge] = fine.mean(1), deep.min(1)
         color[y0:y1, x0:x1], distance[y0:y1, x0:x1] = coarse, depth
-    return RenderedLayer(color[..., :3], color[..., 3], distance)
+    return RenderedLayer(color[..., :-1], color[..., -1], distance)
 
 
 def blend_over(layer: RenderedLayer, picture: NDArray[np.float32], opacity: float = 1.0) -> NDArray[np.float32]:
@@ -213,31 +209,35 @@ def render_points(viewer: View, points: AnyFloat, colors: AnyFloat, radius: int 
 
 
 def _cast_rays(
-    shapes: RayCastMesh, viewer: View, colors: Array, columns: Array, rows: Array, is_lit: bool
+    shapes: RayCastMesh, viewer: View, colors: Array, columns: Array, rows: Array
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Cast rays (...); return colour and coverage (..., 4), 0 where nothing is hit, and distance (...), inf there."""
+    """Cast rays (...); return colour and coverage (..., C + 1), 0 without a hit, and distance (...), inf there."""
     origins, directions = viewer.rays(columns.ravel(), rows.ravel())
     hits = shapes.caster.first(origins, directions)
     hit = np.flatnonzero(hits.face >= 0)
     corners, weights = shapes.faces[hits.face[hit]], hits.corners[hit]
-    base, normals = (np.einsum("nkc,nk->nc", values[corners], weights) for values in (colors, shapes.normals))
-    if is_lit:
-        normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-9)
-        base = _shade(normals, directions[hit], viewer.axes, base)
-    color, distance = np.zeros((columns.size, 4), np.float32), np.full(columns.size, np.inf, np.float32)
-    color[hit, :3], color[hit, 3] = base, 1.0
+    base = np.einsum("nkc,nk->nc", colors[corners], weights)
+    color = np.zeros((columns.size, colors.shape[1] + 1), np.float32)
+    color[hit, :-1], color[hit, -1] = base, 1.0
+    distance = np.full(columns.size, np.inf, np.float32)
     ahead = viewer.axes[2]
     distance[hit] = (origins[hit] - viewer.origin) @ ahead + hits.distance[hit] * (directions[hit] @ ahead)
-    return color.reshape(*columns.shape, 4), distance.reshape(columns.shape)
+    return color.reshape(*columns.shape, -1), distance.reshape(columns.shape)
 
 
-def _shade(normals: Array, directions: Array, axes: Array, base: Array) -> Array:
-    """Shade colours with a light from the upper left of a view's axes, one from above and darker silhouettes."""
+def shade(normals: Array, axes: Array, base: Array) -> Array:
+    """Shade colours (N, 3) with a light from the upper left, one from above and darker silhouettes.
+
+    Args:
+        normals: (N, 3) unit.
+        axes: of a view, see :class:`View`.
+        base: sRGB in 0-1.
+    """
     right, down, ahead = axes
     key = -ahead - 0.7 * down - 0.5 * right
     key /= np.linalg.norm(key)
     direct = np.clip(normals @ key, 0.0, 1.0)
     sky = 0.5 - 0.5 * (normals @ down)
-    facing = np.clip(-(normals * directions).sum(-1), 0.0, 1.0)
+    facing = np.clip(-(normals @ ahead), 0.0, 1.0)
     light = (0.34 + 0.52 * direct + 0.2 * sky) * (0.72 + 0.28 * facing**0.7)
     return np.asarray(np.clip(base * light[:, None], 0.0, 1.0))

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import math
+import weakref
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from functools import wraps
+from threading import Lock
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -42,6 +46,24 @@ _ROUNDS = 30  # of smoothing of the backdrop's outline
 _ACROSS = 0.15  # sine of the angle between the step and the surface: up to 9 degrees is along it
 
 
+_Made = TypeVar("_Made")
+
+
+def kept_for_next_picture(make: Callable[[Reconstruction], _Made]) -> Callable[[Reconstruction], _Made]:
+    """Keep what is made of the last result, for its preview, GLB and page; threads that draw them share it."""
+    last: list[tuple[weakref.ref[Reconstruction], _Made]] = []
+    making = Lock()
+
+    @wraps(make)
+    def kept(result: Reconstruction) -> _Made:
+        with making:
+            if not last or last[0][0]() is not result:
+                last[:] = [(weakref.ref(result), make(result))]
+            return last[0][1]
+
+    return kept
+
+
 @dataclass(frozen=True)
 class SceneMesh:
     """Triangle mesh with a pixel for each vertex.
@@ -50,11 +72,13 @@ class SceneMesh:
         vertices: (V, 3) float32 metres, camera frame.
         faces: (F, 3) int64, counter-clockwise as seen from the camera.
         pixels: (V, 2) int64, column and row of each vertex.
+        stride: px between neighbours; 1 of the backdrop.
     """
 
     vertices: NDArray[np.float32]
     faces: NDArray[np.int64]
     pixels: NDArray[np.int64]
+    stride: int = 1
 
 
 def scene_reach(reconstruction: Reconstruction) -> float:
@@ -65,6 +89,13 @@ def scene_reach(reconstruction: Reconstruction) -> float:
     depths = [float(np.median(person.vertices[:, 2])) for person in reconstruction.people]
     finite = [depth for depth in depths if math.isfinite(depth)]
     return max(8.0, 3.0 * max(finite)) if finite else 20.0
+
+
+@kept_for_next_picture
+def scene_meshes(result: Reconstruction) -> tuple[SceneMesh, SceneMesh]:
+    """Return the scene mesh and the backdrop of a result, see :func:`mesh_scene` and :func:`mesh_backdrop`."""
+    surface = mesh_scene(result.scene, scene_reach(result))
+    return surface, mesh_backdrop(result, surface)
 
 
 def mesh_scene(scene: Scene, limit: float, max_vertices: int = _MAX_VERTICES) -> SceneMesh:
@@ -106,7 +137,7 @@ def mesh_scene(scene: Scene, limit: float, max_vertices: int = _MAX_VERTICES) ->
     used[faces] = True
     new_ids = np.cumsum(used) - 1
     pixels = np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2)
-    return SceneMesh(points.reshape(-1, 3)[used], new_ids[faces], pixels[used])
+    return SceneMesh(points.reshape(-1, 3)[used], new_ids[faces], pixels[used], stride)
 
 
 def is_near(points: NDArray[np.floating[Any]], limit: float) -> NDArray[np.bool_]:
@@ -132,9 +163,8 @@ def mesh_backdrop(result: Reconstruction, surface: SceneMesh) -> SceneMesh:
     side = max(height, width)
     covered = np.zeros((height, width), np.uint8)
     covered[surface.pixels[:, 1], surface.pixels[:, 0]] = 1
-    stride = int(np.diff(np.unique(surface.pixels[:, 0])).min(initial=side)) if len(surface.pixels) else 1
     crack = np.ones((max(3, round(_CRACK * side)),) * 2, np.uint8)
-    far = 1 - cv2.dilate(covered, np.ones((2 * stride + 1,) * 2, np.uint8))
+    far = 1 - cv2.dilate(covered, np.ones((2 * surface.stride + 1,) * 2, np.uint8))
     far = cv2.morphologyEx(far, cv2.MORPH_OPEN, crack, borderType=cv2.BORDER_REPLICATE)
     _, piece, boxes, _ = cv2.connectedComponentsWithStats(far)
     far[boxes[piece, cv2.CC_STAT_AREA] < _MIN_COMPONENT_SHARE * far.size] = 0

@@ -12,7 +12,6 @@ import trimesh
 from PIL import Image
 
 from physic_core.types import CheckResult, Grade, Intrinsics
-from physic_core.visual.orthographic_views import BACKGROUND_RGB, PAGE_RGB, build_preview_geometry, side_view, top_view
 from physic_core.visual.palette import person_color
 from physic_core.visual.panels import (
     CONTACT_VIEWS,
@@ -23,6 +22,14 @@ from physic_core.visual.panels import (
 )
 from physic_core.visual.preview import preview_image, preview_png, summary_line
 from physic_core.visual.render import LONGEST_BODY_EDGE_M, View, prepare_meshes, render_mesh, render_points
+from physic_core.visual.views import (
+    BACKGROUND_RGB,
+    PAGE_RGB,
+    build_preview_geometry,
+    side_view,
+    top_view,
+    view_from_aside,
+)
 
 SPHERE = trimesh.creation.icosphere(subdivisions=4, radius=0.5)
 FRONT = np.diag([1.0, -1.0, -1.0])  # right, top and eye of a view along z
@@ -191,6 +198,20 @@ def test_the_scene_is_seen_from_above_in_its_colours(reconstruction):
     np.testing.assert_allclose(plan.picture[row, column], [215, 120, 95], atol=6)  # the box's lid
 
 
+def test_from_aside_people_stand_before_what_is_farther(reconstruction):
+    """The upper third of the photo is a pink sky, which has no depth."""
+    scene, pink = reconstruction.scene, (230, 20, 200)
+    valid, colors = scene.valid.copy(), scene.colors.copy()
+    valid[: len(valid) // 3], colors[: len(valid) // 3] = False, pink
+    picture = view_from_aside(
+        in_colors_of_numbers(replace(reconstruction, scene=replace(scene, valid=valid, colors=colors))), 400, 320
+    )
+    assert min(is_hue(picture, index).sum() for index in (0, 1)) > 500
+    rows = np.nonzero((picture == pink).all(-1))[0]
+    assert len(rows) > 5000
+    assert rows.mean() < np.nonzero(is_hue(picture, 0))[0].mean()
+
+
 def test_contact_with_the_floor_is_green_from_below_only(reconstruction):
     shown = render_contact_views(reconstruction, 0, 600, 300)
     green = (shown[..., 1].astype(int) - shown[..., 0]) > 40
@@ -241,7 +262,7 @@ def test_the_headline_states_the_facts(reconstruction):
 def test_the_preview_is_a_page_of_fixed_width(make, width, height, people):
     image = Image.open(io.BytesIO(preview_png(make(width, height, people=people))))
     assert image.format == "PNG"
-    assert image.width == 1800
+    assert image.width == 1280
     assert 700 < image.height < 1800
     assert image.getextrema() != ((250, 250), (250, 250), (248, 248))
 
@@ -252,7 +273,7 @@ def test_a_crowd_and_broken_bodies_do_not_break_the_preview(make):
     lost = replace(person, vertices=person.vertices * np.nan, joints=person.joints * np.nan)
     long = "A warning — with a dash… " * 30
     crowd = replace(before, people=(lost, *[before.people[1]] * 11), warnings=(long,) * 9)
-    assert preview_image(crowd).width == 1800
+    assert preview_image(crowd).width == 1280
 
 
 def test_a_person_who_lies_or_bends_has_views(reconstruction):

@@ -7,12 +7,10 @@ which have theirs, are drawn without one.
 
 from __future__ import annotations
 
-import weakref
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache, wraps
-from threading import Lock
-from typing import TYPE_CHECKING, TypeVar
+from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,8 +20,10 @@ from physic_core.errors import PhysicError
 from physic_core.geometry.mesh import vertex_areas, vertex_normals
 from physic_core.geometry.upright import up_in_camera
 from physic_core.visual.palette import BODY_RGB
+from physic_core.visual.render import LONGEST_BODY_EDGE_M, RayCastMesh, prepare_meshes
 from physic_core.visual.rig import body_of_result
-from physic_core.visual.textures.photo import caster_of_bodies, photo_colors
+from physic_core.visual.surface import kept_for_next_picture
+from physic_core.visual.textures.photo import photo_colors
 from physic_core.visual.textures.raster import (
     TextureCoordinates,
     TextureRaster,
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.body.model import BodyModel
-    from physic_core.geometry.rays import RayCaster
     from physic_core.types import Reconstruction, UInt8Array
 
     Array = NDArray[np.float64]
@@ -50,8 +49,6 @@ photo shows."""
 
 GUESSED = "darker: guessed, not seen in the photo"
 """What a legend says of the clothes that no photo shows."""
-
-_Made = TypeVar("_Made")
 
 _SURE = 0.5  # weight from which the photo shows a vertex
 _LIGHT, _DARK = 0.9, 0.55  # of what is guessed, towards the light and away from it
@@ -69,7 +66,7 @@ class DressedBodies:
         filled: person -> (V,) float32 in 0-1, how much of the colour is guessed.
         shown: person -> share of the body's surface that a photo shows.
         mesh: texture coordinates of the bodies; None for others than the embedded body.
-        caster: of all bodies; None without bodies.
+        bodies: their meshes, without triangles of an implausible length; None without bodies.
     """
 
     colors: Mapping[int, UInt8Array]
@@ -78,41 +75,26 @@ class DressedBodies:
     filled: Mapping[int, NDArray[np.float32]]
     shown: Mapping[int, float]
     mesh: TextureCoordinates | None
-    caster: RayCaster | None
+    bodies: RayCastMesh | None
 
 
-def _kept_for_next_picture(make: Callable[[Reconstruction], _Made]) -> Callable[[Reconstruction], _Made]:
-    """Keep what is made of the last result, for its preview, GLB and page; threads that draw them share it."""
-    last: list[tuple[weakref.ref[Reconstruction], _Made]] = []
-    making = Lock()
-
-    @wraps(make)
-    def kept(result: Reconstruction) -> _Made:
-        with making:
-            if not last or last[0][0]() is not result:
-                last[:] = [(weakref.ref(result), make(result))]
-            return last[0][1]
-
-    return kept
-
-
-@_kept_for_next_picture
+@kept_for_next_picture
 def dressed_bodies(result: Reconstruction) -> DressedBodies:
     """Return the colours of the people of a result."""
-    caster, faces, mesh = caster_of_bodies(result), np.asarray(result.faces, np.int64), None
-    dressed = DressedBodies({}, {}, {}, {}, {}, mesh, caster)
-    if caster is None:
-        return dressed
+    people = enumerate(result.people)
+    posed = {i: one.vertices.astype(np.float64) for i, one in people if np.isfinite(one.vertices).all()}
+    faces = np.asarray(result.faces, np.int64)
+    bodies = prepare_meshes(list(posed.values()), faces, longest_edge=LONGEST_BODY_EDGE_M)
+    mesh, caster = None, None if bodies is None else bodies.caster
+    if not posed:
+        return DressedBodies({}, {}, {}, {}, {}, mesh, bodies)
     model = _model(result)
     if model is not None and model.name == "embedded":
         mesh = embedded_coordinates()
     others, parts, pull = _sides_and_parts(model, len(result.people[0].vertices))
     colors, fill, tone = dict[int, "UInt8Array"](), dict[int, "Array"](), dict[int, "Array"]()
     filled, shown = dict[int, "NDArray[np.float32]"](), dict[int, float]()
-    for index, person in enumerate(result.people):
-        if not np.isfinite(person.vertices).all():
-            continue
-        vertices = person.vertices.astype(np.float64)
+    for index, vertices in posed.items():
         normals = vertex_normals(vertices, faces)
         photo, seen, near = photo_colors(result, index, vertices, normals, caster)
         fill[index] = _fill(photo, near, faces, others, parts, pull)
@@ -121,10 +103,10 @@ def dressed_bodies(result: Reconstruction) -> DressedBodies:
         filled[index] = (1 - seen).astype(np.float32)
         areas = vertex_areas(vertices, faces)
         shown[index] = float(areas[seen > _SURE].sum() / max(areas.sum(), 1e-12))
-    return DressedBodies(colors, fill, tone, filled, shown, mesh, caster)
+    return DressedBodies(colors, fill, tone, filled, shown, mesh, bodies)
 
 
-@_kept_for_next_picture
+@kept_for_next_picture
 def dressed_images(result: Reconstruction) -> dict[int, UInt8Array]:
     """Return person -> texture (N, N, 3) uint8 sRGB; none of bodies without texture coordinates."""
     dressed, images = dressed_bodies(result), dict[int, "UInt8Array"]()
@@ -146,10 +128,10 @@ def dressed_texture(
         darken: whether what is guessed is darker.
     """
     dressed, faces = dressed_bodies(result), np.asarray(result.faces, np.int64)
-    assert dressed.caster is not None
     vertices = result.people[index].vertices.astype(np.float64)
     points, normals = (raster.interpolate(faces, values) for values in (vertices, vertex_normals(vertices, faces)))
-    photo, seen, near = photo_colors(result, index, points, normals, dressed.caster)
+    caster = None if dressed.bodies is None else dressed.bodies.caster
+    photo, seen, near = photo_colors(result, index, points, normals, caster)
     guess = dressed.fill[index] * dressed.tone[index][:, None] if darken else dressed.fill[index]
     image: UInt8Array = raster.image(_mixed(photo, near, raster.interpolate(faces, guess)))
     return image, raster.image(np.round(255 * (1 - seen)).astype(np.uint8))

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from physic_core.geometry.rays import RayCaster
 from physic_core.visual.textures.raster import pad_texture
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from physic_core.geometry.rays import RayCaster
     from physic_core.types import Reconstruction
 
     Array = NDArray[np.float64]
@@ -32,18 +32,8 @@ HIDDEN_M = 0.015
 """A point is hidden by a body that is nearer than it by more than this, metres."""
 
 
-def caster_of_bodies(result: Reconstruction) -> RayCaster | None:
-    """Return the ray caster of all bodies of a result, which share one mesh; None without a body."""
-    bodies = [person.vertices for person in result.people if np.isfinite(person.vertices).all()]
-    if not bodies:
-        return None
-    faces = np.asarray(result.faces, np.int64)
-    every = np.concatenate([faces + number * len(bodies[0]) for number in range(len(bodies))])
-    return RayCaster(np.concatenate(bodies), every)
-
-
 def photo_colors(
-    result: Reconstruction, index: int, points: Array, normals: Array, caster: RayCaster
+    result: Reconstruction, index: int, points: Array, normals: Array, caster: RayCaster | None
 ) -> tuple[Array, Array, Array]:
     """Return the colours of the photo at points of a person.
 
@@ -52,7 +42,7 @@ def photo_colors(
         index: of the person.
         points: (n, 3) metres, on the body.
         normals: (n, 3) of any length.
-        caster: of all bodies.
+        caster: of all bodies; None if no body hides another.
 
     Returns:
         Colours (n, 3) sRGB 0-255, and their weights (n,) in 0-1: in the person's mask, and in the mask or near it.
@@ -61,8 +51,8 @@ def photo_colors(
     facing = -(normals * points).sum(1) / np.maximum(np.linalg.norm(normals, axis=1) * reach, 1e-12)
     weight = _smooth((facing - NO_FACING) / (FULL_FACING - NO_FACING))
     candidate = np.flatnonzero((weight > 0) & (points[:, 2] > 0))
-    distance = caster.first(np.zeros(3), points[candidate]).distance
     visible = np.zeros(len(points), bool)
+    distance = 1.0 if caster is None else caster.first(np.zeros(3), points[candidate]).distance
     visible[candidate] = distance > 1 - HIDDEN_M / reach[candidate]
     photo, shown, near = _sample(result, np.asarray(result.people[index].mask, bool), points)
     return photo, weight * (visible & shown), weight * (visible & near)

@@ -10,9 +10,9 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.visual.orthographic_views import PAGE_RGB, build_preview_geometry
 from physic_core.visual.panels import bodies_over, draw_person_number, draw_text, photo_panel
 from physic_core.visual.render import View
+from physic_core.visual.views import PAGE_RGB, build_preview_geometry
 
 if TYPE_CHECKING:
     from physic_scene.types import SceneResult

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import base64
 import io
-import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from PIL import Image
 
 from physic_core.visual.palette import contact_strength
-from physic_core.visual.surface import BACKDROP, is_near, mesh_backdrop, mesh_scene, scene_reach
+from physic_core.visual.surface import BACKDROP, is_near, mesh_scene, scene_meshes, scene_reach
 from physic_core.visual.textures.dressed import dressed_bodies, dressed_images
 
 if TYPE_CHECKING:
@@ -70,7 +69,6 @@ MAX_FULL_BODIES = 12
 """Most people who are shown with all their vertices; a body has 200 kB in the page, and a coarse one
 60 kB."""
 
-_SCENE_VERTICES = 130_000
 _CROWD_SCENE_VERTICES = 70_000
 _COARSE_M = 0.02  # spacing of the vertices of coarse bodies, metres
 
@@ -85,13 +83,12 @@ def pack_scene(reconstruction: Reconstruction) -> dict[str, Any]:
         of each point, px), what it means, and its ``radius`` in metres.
     """
     scene, limit = reconstruction.scene, scene_reach(reconstruction)
-    most = _SCENE_VERTICES if len(reconstruction.people) <= MAX_FULL_BODIES else _CROWD_SCENE_VERTICES
-    height, width = scene.valid.shape
-    stride = max(1, math.ceil(math.sqrt(height * width / most)))
+    surface, backdrop = scene_meshes(reconstruction)
+    if len(reconstruction.people) > MAX_FULL_BODIES:
+        surface = mesh_scene(scene, limit, _CROWD_SCENE_VERTICES)
+    stride = surface.stride
     points = np.asarray(scene.points[::stride, ::stride], np.float32)
     valid = scene.valid[::stride, ::stride] & is_near(points, limit)
-    surface = mesh_scene(scene, limit, most)
-    backdrop = mesh_backdrop(reconstruction, surface)
     triangles = np.zeros((*valid.shape, 2), bool)
     corner = surface.pixels[surface.faces] // stride  # (F, 3, 2): column and row in the grid
     # Both triangles of a cell have its lower left and upper right corner, in the places that mesh_scene gives them.

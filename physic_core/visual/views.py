@@ -1,10 +1,10 @@
-"""Side and top views of a reconstruction for the preview, and the geometry that they show; orthographic."""
+"""Views of a reconstruction for the preview, and the geometry that they show: from aside, and to scale."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,15 +13,13 @@ from physic_core.geometry.upright import gltf_from_camera, transform_points
 from physic_core.types.results import main_people
 from physic_core.visual.palette import person_color
 from physic_core.visual.render import (
-    LONGEST_BODY_EDGE_M,
     RayCastMesh,
     View,
-    prepare_meshes,
     render_mesh,
     render_points,
 )
 from physic_core.visual.supports import AssumedSupport, assumed_supports
-from physic_core.visual.surface import is_near, scene_reach
+from physic_core.visual.surface import is_near, scene_meshes, scene_reach
 from physic_core.visual.textures.dressed import dressed_bodies
 
 if TYPE_CHECKING:
@@ -31,7 +29,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-_POINTS = 1_200_000  # at most
+_POINTS = 300_000  # at most
 
 
 @dataclass(frozen=True)
@@ -45,6 +43,8 @@ class PreviewGeometry:
         crowns: person -> (3,) vertex that is the highest.
         points: (M, 3) float32 points of the scene.
         point_colors: (M, 3) float32 sRGB in 0-1.
+        backdrop: (K, 3) float32 points of what is farther, see :func:`physic_core.visual.surface.mesh_backdrop`.
+        backdrop_colors: (K, 3) float32 sRGB in 0-1.
         spacing: of points on a surface that faces the camera, at the median depth, metres.
         upright: (4, 4), see :func:`physic_core.geometry.upright.gltf_from_camera`.
         low: (3,) minimum corner of the box around the main people, upright frame; around most of the scene without
@@ -60,6 +60,8 @@ class PreviewGeometry:
     crowns: Mapping[int, Array]
     points: NDArray[np.float32]
     point_colors: NDArray[np.float32]
+    backdrop: NDArray[np.float32]
+    backdrop_colors: NDArray[np.float32]
     spacing: float
     upright: Array
     low: Array
@@ -81,17 +83,20 @@ def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
     colors = [np.tile(np.array(person_color(index)) / 255.0, (len(vertices), 1)) for index, vertices in finite]
     stride = max(1, math.ceil(math.sqrt(scene.valid.size / _POINTS)))
     points, point_colors = _cloud(scene, limit, stride)
-    dress = dressed_bodies(reconstruction).colors
+    dressed = dressed_bodies(reconstruction)
+    backdrop, backdrop_colors = _backdrop(reconstruction)
     depth = float(np.median(points[:, 2])) if len(points) else 0.0
     main = set(main_people([person.box for person in reconstruction.people]))
     low, high = _bounds([vertices for index, vertices in finite if index in main] or bodies, points, matrix)
     return PreviewGeometry(
-        people=prepare_meshes(bodies, reconstruction.faces, longest_edge=LONGEST_BODY_EDGE_M),
+        people=dressed.bodies,
         people_colors=np.concatenate(colors) if colors else np.zeros((0, 3)),
-        dress=np.concatenate([dress[index] for index, _ in finite]) / 255.0 if finite else np.zeros((0, 3)),
+        dress=np.concatenate([dressed.colors[index] for index, _ in finite]) / 255.0 if finite else np.zeros((0, 3)),
         crowns={index: vertices[(vertices @ matrix[1, :3]).argmax()] for index, vertices in finite},
         points=points,
         point_colors=point_colors,
+        backdrop=backdrop,
+        backdrop_colors=backdrop_colors,
         spacing=stride * depth / reconstruction.intrinsics.fx,
         upright=matrix,
         low=low,
@@ -109,6 +114,15 @@ def _cloud(scene: Scene, limit: float, stride: int) -> tuple[NDArray[np.float32]
     return points[valid].astype(np.float32), colors
 
 
+def _backdrop(result: Reconstruction) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return points (K, 3) on the triangles of the backdrop, and their sRGB colours."""
+    mesh, colors = scene_meshes(result)[1], result.scene.colors
+    corners = np.concatenate([mesh.faces, mesh.faces[:, [1, 2, 0]]])
+    pixels = np.einsum("k,nkc->nc", _WITHIN, mesh.pixels[corners]).astype(np.int64)
+    points: NDArray[np.float32] = np.einsum("k,nkc->nc", _WITHIN, mesh.vertices[corners])
+    return points, colors[pixels[:, 1], pixels[:, 0]] / np.float32(255.0)
+
+
 def _bounds(bodies: Sequence[Array], points: NDArray[np.float32], upright: Array) -> tuple[Array, Array]:
     if bodies:
         vertices = transform_points(upright, np.concatenate(bodies))
@@ -118,6 +132,10 @@ def _bounds(bodies: Sequence[Array], points: NDArray[np.float32], upright: Array
         return low, high
     return np.array([-1.0, -1.0, -3.0]), np.array([1.0, 1.0, -1.0])
 
+
+_WITHIN = np.array([0.6, 0.2, 0.2], np.float32)  # weights of the corners of a triangle
+_ASIDE, _ABOVE = 35.0, 12.0  # degrees of the view from aside, from the camera's direction and from the horizon
+_FIELD, _FILLED = math.radians(40), 0.8  # of this view, upright, and the share of it that people fill
 
 PAGE_RGB = (250, 250, 248)
 """sRGB colour of the page."""
@@ -194,6 +212,35 @@ def top_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView:
     return _render(geometry, _TOP, (width, height))
 
 
+def view_from_aside(geometry: PreviewGeometry, width: int, height: int) -> UInt8Array:
+    """Render the people from beside and above the photo's camera, with the scene and what is farther behind them."""
+    turn, eye = geometry.upright[:3, :3], geometry.upright[:3, 3]
+    corners = np.stack(np.meshgrid(*np.stack([geometry.low - 0.1, geometry.high + 0.1], 1)), -1).reshape(-1, 3)
+    middle = corners.mean(0)
+    azimuth = math.atan2(eye[0] - middle[0], eye[2] - middle[2]) + math.radians(_ASIDE)
+    rise = math.radians(_ABOVE)
+    back = np.array([math.sin(azimuth) * math.cos(rise), math.sin(rise), math.cos(azimuth) * math.cos(rise)])
+    right = np.cross([0.0, 1.0, 0.0], back) / math.cos(rise)
+    axes, focal = np.stack([right, np.cross(back, right), back]), _FILLED * height / (2 * math.tan(_FIELD / 2))
+    # The nearest place in this direction from which all corners are seen.
+    spots, distance, place = corners @ axes.T, 0.0, np.zeros(3)
+    for axis, room in enumerate((width, height)):
+        slope = _FILLED * room / 2 / focal
+        most = (spots[:, axis] + slope * spots[:, 2]).max()
+        least = (slope * spots[:, 2] - spots[:, axis]).max()
+        place += (most - least) / 2 * axes[axis]
+        distance = max(distance, (most + least) / 2 / slope)
+    origin = turn.T @ (place + distance * back - eye)
+    centre = (np.array([width, height]) - 1) / 2
+    view = View(axes * [[1.0], [-1.0], [-1.0]] @ turn, origin, np.full(2, focal), centre, (width, height), False)
+    shown = replace(
+        geometry,
+        points=np.concatenate([geometry.points, geometry.backdrop]),
+        point_colors=np.concatenate([geometry.point_colors, geometry.backdrop_colors]),
+    )
+    return _draw(shown, view, math.inf, radius=2)
+
+
 def _render(geometry: PreviewGeometry, direction: _Direction, size: tuple[int, int]) -> LabeledView:
     """Render people and points; points nearer to the eye than people are skipped, distant ones are faint."""
     turn, eye, axes = geometry.upright[:3, :3], geometry.upright[:3, 3], direction.axes
@@ -211,7 +258,8 @@ def _render(geometry: PreviewGeometry, direction: _Direction, size: tuple[int, i
         middle[1] = start[1] + size[1] / scale / 2
     center = turn.T @ (axes[:2].T @ middle - eye)
     view = View.orthographic(axes @ turn, center, scale, size, start=float(near))
-    picture = _draw(geometry, view, float(near - far))
+    radius = int(np.clip(round(_POINT_RADIUS * geometry.spacing * scale), 1, _MAX_RADIUS_PX))
+    picture = _draw(geometry, view, float(near - far), radius)
     spots = view.project(np.stack([-(turn.T @ eye), np.zeros(3), *geometry.crowns.values()]))
     column, row = (float(value) for value in spots[1, :2])
     return LabeledView(
@@ -236,15 +284,14 @@ def _with_camera(ends: Array, direction: _Direction, eye: Array, size: tuple[int
     return wide if scales[0] >= _MIN_SCALE_RATIO * scales[1] else ends
 
 
-def _draw(geometry: PreviewGeometry, view: View, full_colour_m: float) -> UInt8Array:
-    """Draw people, and points of the scene, which are faint beyond a distance in metres."""
+def _draw(geometry: PreviewGeometry, view: View, full_colour_m: float, radius: int) -> UInt8Array:
+    """Draw people, and points of the scene, which are faint beyond a distance in metres, as squares around a pixel."""
     paper = (np.array(BACKGROUND_RGB) / 255).astype(np.float32)
-    radius = int(np.clip(round(_POINT_RADIUS * geometry.spacing * view.focal[0]), 1, _MAX_RADIUS_PX))
     scene = render_points(view, geometry.points, geometry.point_colors, radius)
     veil = np.where(scene.distance > full_colour_m, _FAINT * scene.alpha, scene.alpha)[..., None]
     picture = veil * scene.color + (1 - veil) * paper
     if geometry.people is not None:
-        people = render_mesh(geometry.people, view, geometry.dress, is_lit=False)
+        people = render_mesh(geometry.people, view, geometry.dress)
         veil = np.where(scene.distance < people.distance - _THICK, _OCCLUDED_OPACITY, 1.0).astype(np.float32)[..., None]
         picture[...] = people.color * veil + picture * (1.0 - people.alpha[..., None] * veil)
     return (np.clip(picture, 0.0, 1.0) * 255 + 0.5).astype(np.uint8)
