@@ -76,8 +76,9 @@ class EmbeddedBodies(BodyEstimator):
     ) -> Bodies:
         """Fit one body to each of N people, in metres in the camera frame.
 
-        The fingers are at rest. ``observed`` marks the visible joints. ``rotation_sigma`` is the same for all people,
-        and None without 3D landmarks, or with those of a detector that states errors of its own.
+        The fingers are at rest. ``observed`` marks the visible joints. ``rotation_sigma`` follows from the errors that
+        the detector states of points and depths. Without them it is the same for all people, and None without 3D
+        landmarks.
 
         Raises:
             BackendError: the body is not loaded, or the skeleton of the keypoints has no hips on the body.
@@ -91,6 +92,7 @@ class EmbeddedBodies(BodyEstimator):
         from physic_embedded.body_fit.fit import fit_outlines
         from physic_embedded.body_fit.limb_keypoints import limb_keypoints
         from physic_embedded.body_fit.multi_start import fit_without_world_landmarks
+        from physic_embedded.body_fit.newton import covariance
         from physic_embedded.body_fit.observations import observe_people
         from physic_embedded.body_fit.problem import FitSettings
         from physic_embedded.body_fit.silhouette import outline_pairs
@@ -114,12 +116,18 @@ class EmbeddedBodies(BodyEstimator):
             fit = fit_outlines(
                 self._model, fit, outline_pairs(self._model, fit, observations, people, camera, hints.original)
             )
-        measured = observations.world is not None and keypoints.depth_sigma is None
+        rotation_sigma = None
+        if keypoints.depth_sigma is not None:
+            with torch.enable_grad(), limited_threads():
+                spread = fit.problem.rotation_sigma(covariance(fit.problem, fit.unknowns))
+            rotation_sigma = np.minimum(spread.numpy(), np.pi)
+        elif observations.world is not None:
+            rotation_sigma = np.tile(_rotation_sigma(), (len(people), 1))
         return Bodies(
             parameters_from_rotations(fit.rotations, fit.betas, None, fit.transl),
             "embedded",
             observed,
-            rotation_sigma=np.tile(_rotation_sigma(), (len(people), 1)) if measured else None,
+            rotation_sigma=rotation_sigma,
         )
 
     def _on_floor(

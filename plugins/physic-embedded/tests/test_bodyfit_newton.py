@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from physic_embedded.body_fit.newton import minimize_newton
+from physic_embedded.body_fit.newton import covariance, minimize_newton
 
 
 @dataclass(frozen=True)
@@ -55,6 +55,19 @@ def test_a_saddle_is_left_downhill() -> None:
 
     found = minimize_newton(Saddle(torch.zeros(1), []), torch.tensor([[0.1, 0.5]], dtype=torch.float64))
     assert found[0].tolist() == pytest.approx([1.0, 0.0], abs=1e-9)
+
+
+def test_the_covariance_is_that_of_a_linear_problem() -> None:
+    generator = torch.Generator().manual_seed(0)
+    design = torch.randn(7, 2, dtype=torch.float64, generator=generator)
+
+    class Linear(Valley):
+        def loss(self, x: Tensor) -> Tensor:
+            return (x @ design.T - 1).square().sum(1)
+
+    problem = Linear(torch.zeros(1, dtype=torch.float64), [])
+    found = covariance(problem, torch.zeros(1, 2, dtype=torch.float64))
+    torch.testing.assert_close(found[0], torch.linalg.inv(design.T @ design), rtol=1e-6, atol=0)
 
 
 def test_no_person_moves_where_the_loss_is_nan() -> None:

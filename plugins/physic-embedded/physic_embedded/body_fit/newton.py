@@ -62,6 +62,17 @@ def minimize_newton(problem: FitProblem, unknowns: Tensor) -> Tensor:
     return found
 
 
+def covariance(problem: FitProblem, unknowns: Tensor) -> Tensor:
+    """Return the covariance (N, W, W) of the unknowns at a minimum (N, W), where the loss is -2 log of the probability.
+
+    It is twice the inverse of the Hessian (Laplace's approximation), whose eigenvalues are taken as in
+    :func:`minimize_newton`.
+    """
+    curvatures, axes = torch.linalg.eigh(_derivatives(problem, unknowns)[2])
+    found: Tensor = 2 * (axes / curvatures.abs()[:, None]) @ axes.mT
+    return found
+
+
 def _newton_step(gradient: Tensor, curvatures: Tensor, axes: Tensor, damping: Tensor) -> Tensor:
     """Return the gradient (N, W) times the inverse of the damped Hessian, given by its eigenvalues and eigenvectors."""
     along = (axes.mT @ gradient[..., None])[..., 0] / (curvatures.abs() + damping[:, None])

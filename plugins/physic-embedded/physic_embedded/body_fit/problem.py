@@ -14,6 +14,7 @@ from physic_core.engine.stance import touch_in_picture
 from physic_core.geometry.rotations import rotvec_to_rotmat
 from physic_core.types.arrays import PER_PERSON, select_people
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices
+from physic_embedded.body_fit.observations import SIZE_STATURE_M
 from physic_embedded.body_fit.pose_prior import MAX_HINGE_ANGLE, hinge_joints, pose_prior, relaxed_finger_pose
 
 if TYPE_CHECKING:
@@ -37,6 +38,8 @@ class FitSettings:
         iterations: of L-BFGS, which choose the minimum that Newton's method then finds.
         sigma_2d: of a keypoint, in sizes of the person; for detectors that state no error of their own.
         sigma_3d: of a 3D landmark in metres: right, down, and away from the camera; the same.
+        joint_sigma: metres between a joint of the body and the same joint as a detector or a data set defines it; added
+            to errors that a detector states.
         shape_weight: on the squared shape components about the shape of a mean adult; with 1, landmark noise shows as
             odd bodies.
         stature_sigma: metres of the stature about the mean adult's, as far as the photo may show it. Landmarks are no
@@ -60,6 +63,7 @@ class FitSettings:
     iterations: int = 20
     sigma_2d: float = 0.010
     sigma_3d: tuple[float, float, float] = (0.04, 0.04, 0.08)
+    joint_sigma: float = 0.02
     shape_weight: float = 4.0
     stature_sigma: float = 0.05
     size_sigma: float = 0.1
@@ -211,6 +215,17 @@ class FitProblem:
             self.settings.trunk_lean_sigma * trunk[:, 0] * self.trunk,
         )
 
+    def rotation_sigma(self, covariance: Tensor) -> Tensor:
+        """Return the standard deviations (N, 22), radians, of the angles of pelvis and body joints.
+
+        Args:
+            covariance: (N, W, W) of the unknowns.
+        """
+        variance = covariance.diagonal(dim1=1, dim2=2)[:, :66].view(-1, 22, 3)
+        steps = torch.cat([torch.full_like(self.sigma[:1], _ROOT_STEP), self.sigma])
+        sigma: Tensor = (variance * steps.square()).sum(-1).sqrt()
+        return sigma
+
     def loss(self, unknowns: Tensor) -> Tensor:
         """Return the loss (N,) of each person: the sum of all terms."""
         data, floor, _ = self.terms(unknowns)
@@ -318,11 +333,14 @@ def fit_problem(
         touches = touch_in_picture(observations.points, list(index))
         feet = (ankles > _SEEN) * touches.prod(1)
     shape = observations.weight.shape
-    point_sigma, world_sigma = observations.sigma, np.broadcast_to(settings.sigma_3d, (*shape, 3))
-    if point_sigma is None:
-        point_sigma = np.broadcast_to(settings.sigma_2d * observations.size[:, None], shape)
+    point_sigma = np.broadcast_to(settings.sigma_2d * observations.size[:, None], shape)
+    world_sigma = np.broadcast_to(settings.sigma_3d, (*shape, 3))
+    if observations.sigma is not None:
+        pixels = observations.size[:, None] / SIZE_STATURE_M
+        point_sigma = np.hypot(observations.sigma, settings.joint_sigma * pixels)
     if observations.depth_sigma is not None:  # then right and down are those of the points
-        world_sigma = np.stack([np.full(shape, np.inf), np.full(shape, np.inf), observations.depth_sigma], -1)
+        depth = np.hypot(observations.depth_sigma, settings.joint_sigma)
+        world_sigma = np.stack([np.full(shape, np.inf), np.full(shape, np.inf), depth], -1)
     stature = _stature_per_component(model)
     soles = _soles(model)
     z = start.transl[:, 2:]
