@@ -1,7 +1,7 @@
 """Graphs that onnxruntime has optimised for this machine, kept in the cache: opening them takes a third of the time.
 
-A file has the weights, which onnxruntime maps into memory, then the graph, its size and a checksum of both. The
-checksum finds damage, not forgery: files are kept only in a folder that no one else can write to.
+A file has the weights, which onnxruntime maps into memory, then the graph, its size and a sum of both. The sum
+finds damage, not forgery: files are kept only in a folder that no one else can write to.
 """
 
 from __future__ import annotations
@@ -12,13 +12,14 @@ import platform
 import secrets
 import shutil
 import struct
-import zlib
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from physic_core.cache.folders import LruFolder, claimed_cache, is_own
 
@@ -27,15 +28,15 @@ if TYPE_CHECKING:
 
 MAX_GRAPH_BYTES = 1 << 30
 """Size limit of all kept graphs together; those of all packaged networks have .2 GB."""
-_END = struct.Struct("<QI")
-"""Size of the graph and checksum of weights and graph, at the end of a file."""
+_END = struct.Struct("<QQ")
+"""Size of the graph and sum of weights and graph, at the end of a file."""
 
 
 @dataclass(frozen=True)
 class KeptGraph:
     """The optimised form of one ONNX graph for this onnxruntime and this processor.
 
-    The name of a file is a digest of its inputs, so another version is never taken for it; its checksum shows damage.
+    The name of a file is a digest of its inputs, so another version is never taken for it; its sum shows damage.
     Files are renamed when they are complete, so several processes may write at once.
 
     Attributes:
@@ -52,7 +53,7 @@ class KeptGraph:
         import onnxruntime as ort
 
         kept = claimed_cache("graphs")
-        made_of = f"mapped weights {sha256} {ort.__version__} {ort.get_build_info()} {_processor()}"
+        made_of = f"mapped weights, sum {sha256} {ort.__version__} {ort.get_build_info()} {_processor()}"
         return None if kept is None else cls(kept, f"{graph}-{hashlib.sha256(made_of.encode()).hexdigest()[:24]}")
 
     def read(self) -> bytes | None:
@@ -110,8 +111,8 @@ def _append_graph(weights: Path, graph: bytes) -> None:
         file.write(graph)
         file.flush()
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-            checksum = zlib.crc32(content)
-        file.write(_END.pack(len(graph), checksum))
+            total = _sum(content)
+        file.write(_END.pack(len(graph), total))
 
 
 def _graph_of(path: Path) -> bytes | None:
@@ -120,10 +121,17 @@ def _graph_of(path: Path) -> bytes | None:
     if size <= 0:
         return None
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-        length, checksum = _END.unpack(content[size:])
+        length, total = _END.unpack(content[size:])
         with memoryview(content) as every, every[:size] as covered:
-            undamaged = zlib.crc32(covered) == checksum and length <= size
+            undamaged = _sum(covered) == total and length <= size
         return content[size - length : size] if undamaged else None
+
+
+def _sum(content: mmap.mmap | memoryview) -> int:
+    """Return the sum of the 64-bit words of a file, of which the last may be shorter: a third of the time of a CRC."""
+    count = len(content) // 8
+    words = int(np.add.reduce(np.frombuffer(content, "<u8", count)))
+    return (words + int.from_bytes(content[8 * count :], "little")) % (1 << 64)
 
 
 @cache
