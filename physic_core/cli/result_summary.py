@@ -29,18 +29,21 @@ def show_result(out: Path, verbose: bool) -> None:
     print_summary(out, verbose=verbose)
 
 
-def print_summary(folder: Path, *, verbose: bool = False, seconds: float | None = None) -> None:
+def print_summary(
+    folder: Path, record: ResultRecord | None = None, *, verbose: bool = False, seconds: float | None = None
+) -> None:
     """Print the summary of a result.
 
     Args:
         folder: of the result.
+        record: of the result; read from its folder if None.
         verbose: as of :func:`summary_text`.
         seconds: as of :func:`summary_text`.
 
     Raises:
         InputError: its ``reconstruction.json`` is missing, damaged, edited, or of another schema version.
     """
-    record = read_record(folder)
+    record = record or read_record(folder)
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
     echo(summary_text(record, folder, width=width, verbose=verbose, seconds=seconds))
 

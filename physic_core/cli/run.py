@@ -148,11 +148,8 @@ def run(
         from physic_core.io.results import save_reconstruction
 
         beside = {PEOPLE_TABLE: people_csv(result, photo.name)}
-        save_reconstruction(result, folder, save, overwrite=overwrite, beside=beside)
-        if report:
-            from physic_core.io.result_folder import add_report
-
-            add_report(folder, result, photo.name)
+        title = photo.name if report else None
+        written = save_reconstruction(result, folder, save, overwrite=overwrite, beside=beside, page=title)
     if quiet:
         for text in result.warnings:
             echo(f"warning: {text}", err=True)
@@ -161,8 +158,10 @@ def run(
             echo(text, err=True)
     if not quiet:
         from physic_core.cli.result_summary import print_summary
+        from physic_core.io.results import record_of
 
-        print_summary(folder, verbose=verbose)
+        record = record_of(result, {path.name: file_digest(path) for path in written[1:]})
+        print_summary(folder, record, verbose=verbose)
     if not quiet and not result.intrinsics.known:
         sigma = result.intrinsics.focal_sigma
         spread = "" if sigma is None else f" (± {sigma:.0%})"

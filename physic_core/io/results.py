@@ -13,7 +13,7 @@ import os
 import zipfile
 from collections.abc import Collection, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,6 +32,7 @@ from physic_core.io.result_folder import (
     GLB_FILE,
     MAX_DOCUMENT_BYTES,
     PREVIEW_FILE,
+    REPORT_FILE,
     SCHEMA,
     Replaced,
     check_overwrite,
@@ -51,6 +52,8 @@ from physic_core.types import (
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from physic_core.types import Person
 
 SCHEMA_VERSION = 6
 """Version of documents that are written and read."""
@@ -82,6 +85,7 @@ def save_reconstruction(
     *,
     overwrite: bool = False,
     beside: Mapping[str, bytes] | None = None,
+    page: str | None = None,
     photos: str = "",
     earlier: Collection[str] = (),
 ) -> tuple[Path, ...]:
@@ -97,6 +101,7 @@ def save_reconstruction(
         save: one of :data:`SAVE`.
         overwrite: whether to replace another photo's result.
         beside: name and content of further files, which are files of the result too.
+        page: title of ``report.html``; None for no page.
         photos: digests of all photos of one moment, whose earlier results are replaced; "" for that of the result.
         earlier: names of files that an earlier run wrote, which are edited ones if no document lists them.
 
@@ -106,20 +111,22 @@ def save_reconstruction(
     Raises:
         ConfigError: ``save`` is not valid.
         OutputError: the folder cannot be written, or user data would be lost.
-        Exception: a picture cannot be made; the numbers are then written without pictures.
+        BaseException: a picture or the page cannot be made; the numbers are then written without them.
     """
     if save not in SAVE:
         raise ConfigError(f"what to save is one of {', '.join(SAVE)} (got '{save}')")
     folder, beside = Path(folder), beside or {}
     replaced = Replaced(photos or reconstruction.photo, overwrite, earlier)
     pictures = [GLB_FILE, PREVIEW_FILE] if save == "pictures" else []
+    if page is not None:
+        pictures.append(REPORT_FILE)
     check_overwrite(folder, replaced, [DOCUMENT_FILE, ARRAYS_FILE, *pictures, *beside])
     arrays: Arrays = {}
     document = _document(reconstruction, arrays)
     if save == "people":
         arrays = {name: array for name, array in arrays.items() if not name.startswith(_OF_SCENE)}
     arrays = _compact(arrays, reconstruction.intrinsics) | {_RUN: np.array(document["run"])}
-    contents, failure = _contents(reconstruction, arrays, pictures)
+    contents, failure = _contents(reconstruction, arrays, pictures, page or "")
     write_result_files(folder, document, contents | dict(beside), replaced)
     if failure is not None:
         raise failure
@@ -202,20 +209,28 @@ def _document(reconstruction: Reconstruction, arrays: Arrays) -> dict[str, Any]:
     values = split(replace(reconstruction, **texts), arrays)
     sigmas = reconstruction.distance_sigmas
     for index, (record, person) in enumerate(zip(values["people"], reconstruction.people, strict=True)):
-        record["index"] = index
-        record["pelvis"] = to_json(person.joints[0]) if len(person.joints) else None
-        record["contact_count"], record["vertex_count"] = int(np.sum(person.contact)), len(person.vertices)
-        record["distance_sigma"] = to_json(sigmas[index])
-        record["states_partners"] = person.contact_partner is not None
+        record.update({name: to_json(value) for name, value in _for_readers(index, person, sigmas[index]).items()})
     run = hashlib.sha256(json.dumps(values).encode()).hexdigest()[:16]
     frame = _FRAME | {"gltf_from_camera": gltf_from_camera(reconstruction.scene.floor).tolist()}
     return {"schema": SCHEMA, "schema_version": SCHEMA_VERSION, "run": run, "frame": frame, **values}
 
 
+def _for_readers(index: int, person: Person, sigma: float | None) -> dict[str, Any]:
+    """Return the entries of a person that are only for readers, see :class:`PersonRecord`."""
+    return {
+        "index": index,
+        "pelvis": tuple(person.joints[0].tolist()) if len(person.joints) else None,
+        "contact_count": int(np.sum(person.contact)),
+        "vertex_count": len(person.vertices),
+        "distance_sigma": sigma,
+        "states_partners": person.contact_partner is not None,
+    }
+
+
 def _contents(
-    reconstruction: Reconstruction, arrays: Arrays, pictures: Collection[str]
-) -> tuple[dict[str, bytes], Exception | None]:
-    """Return the contents of the arrays' file and of the pictures, and the error if a picture fails."""
+    reconstruction: Reconstruction, arrays: Arrays, pictures: Collection[str], title: str
+) -> tuple[dict[str, bytes], BaseException | None]:
+    """Return the contents of the arrays' file, of the pictures and the page, and the error if one of these fails."""
     from threadpoolctl import threadpool_limits
 
     stream, found = BytesIO(), dict[str, bytes]()
@@ -231,9 +246,13 @@ def _contents(
                 from physic_core.visual.glb import combined_glb
 
                 found[GLB_FILE] = combined_glb(reconstruction)
+            if REPORT_FILE in pictures:
+                from physic_core.visual.report import report_html
+
+                found[REPORT_FILE] = report_html(reconstruction, title).encode()
             if preview is not None:
                 found[PREVIEW_FILE] = preview.result()
-        except Exception as error:
+        except BaseException as error:  # an interrupted run keeps its numbers
             return numbers, error
     return numbers | found, None
 
@@ -404,3 +423,19 @@ def read_record(folder: Path) -> ResultRecord:
     except Exception as error:  # dataclasses raise many classes for invalid values
         raise damaged(folder, error) from error
     return record
+
+
+def record_of(result: Reconstruction, files: Mapping[str, str]) -> ResultRecord:
+    """Return the record of a result that was saved.
+
+    Args:
+        result: of a run.
+        files: name -> SHA-256 of each file but the document.
+    """
+    people = []
+    for index, (person, sigma) in enumerate(zip(result.people, result.distance_sigmas, strict=True)):
+        own = _for_readers(index, person, sigma)
+        same = {one.name: getattr(person, one.name) for one in fields(PersonRecord) if one.name not in own}
+        people.append(PersonRecord(**own, **same))
+    same = {one.name: getattr(result, one.name) for one in fields(ResultRecord) if one.name not in ("files", "people")}
+    return ResultRecord(files=files, people=tuple(people), **same)

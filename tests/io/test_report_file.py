@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from physic_core.cli import main
 from physic_core.errors import InputError
 from physic_core.io.result_folder import add_report
-from physic_core.io.results import load_reconstruction, save_reconstruction
+from physic_core.io.results import load_reconstruction, read_record, record_of, save_reconstruction
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +49,26 @@ def test_the_page_is_a_file_of_the_result(folder, result):
     # The next run of this photo replaces the result, and removes the page of the earlier one.
     save_reconstruction(result, folder, "numbers")
     assert not path.exists()
+
+
+def test_a_result_is_saved_with_its_page_or_without_one_that_fails(folder, result, monkeypatch):
+    save_reconstruction(result, folder, "numbers", page="photo.jpg")
+    assert "<h1>photo.jpg</h1>" in (folder / "report.html").read_text(encoding="utf-8")
+    assert "report.html" in read_record(folder).files
+
+    def fail(result, title):
+        raise MemoryError
+
+    monkeypatch.setattr("physic_core.visual.report.report_html", fail)
+    with pytest.raises(MemoryError):
+        save_reconstruction(result, folder, "numbers", page="photo.jpg")
+    assert not (folder / "report.html").exists()
+    load_reconstruction(folder)
+
+
+def test_the_record_of_a_result_is_that_of_its_folder(folder, result):
+    saved = read_record(folder)
+    assert record_of(result, saved.files) == saved
 
 
 def test_a_page_that_was_edited_is_kept(folder, result):
