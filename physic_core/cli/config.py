@@ -45,8 +45,9 @@ def config() -> None:
 def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> None:
     """Check a configuration and the options of its backends, and list what is missing on this machine.
 
-    No backend is loaded. A body model file is opened. Exits with code 2 if the configuration or the body model
-    has errors or the device is missing, with 4 if files are missing, and with 5 if a backend is broken.
+    No backend is loaded: only a run shows whether they fit one another. A body model file is opened. Exits with code 2
+    if the configuration or the body model has errors or the device is missing, with 4 if files are missing, and with 5
+    if a backend is broken.
     """
     from physic_core.configuration.model import load_config
     from physic_core.configuration.resolve import (
