@@ -47,6 +47,22 @@ def test_a_body_has_the_photo_s_colour_where_it_is_seen_and_a_darker_guess_of_it
         assert saturation(images[index]).max() > 200
 
 
+def test_the_back_of_the_head_has_the_colour_of_hair_that_stands_off(pink: Reconstruction):
+    person, image, blue = pink.people[0], pink.image.copy(), np.array([20, 40, 220])
+    head = person.joints[15].astype(np.float64)
+    column, row = np.round(pink.intrinsics.matrix[:2] @ head / head[2]).astype(int)
+    hair = ~person.mask
+    hair[row - 1 :], hair[: row - 13], hair[:, : column - 10], hair[:, column + 11 :] = False, False, False, False
+    image[hair] = blue
+    curly = replace(pink, image=image, people=(replace(person, mask=person.mask | hair),))
+    mesh = person.mesh()
+    behind = (mesh.vertex_normals @ head / np.linalg.norm(head) > 0.8) & (mesh.vertices[:, 1] < head[1] - 0.03)
+    assert behind.sum() > 20
+    for one, expected in ((curly, blue), (pink, PINK)):
+        guess = dressed_bodies(one).colors[0][behind].astype(float).mean(0)
+        assert guess @ expected > 0.9 * np.linalg.norm(guess) * np.linalg.norm(expected)
+
+
 def test_a_texture_is_as_fine_as_the_photo(result: Reconstruction):
     assert [len(image) for image in dressed_images(result).values()] == [128, 128]
     person = replace(result.people[0], mask=np.ones((300, 4), bool))

@@ -52,6 +52,9 @@ GUESSED = "darker: guessed, not seen in the photo"
 
 _SURE = 0.5  # weight from which the photo shows a vertex
 _LIGHT, _DARK = 0.9, 0.55  # of what is guessed, towards the light and away from it
+_HAIR_M = 0.25  # reach of hair around the joint of the head
+_DARKER = 35  # percentile of the colours beside the face: ears and background are mostly lighter than hair
+_LEAST_HAIR = 0.02  # least area of hair, as a share of the square of its reach
 _HAIRLINE_M, _NAPE_M = 0.115, -0.03  # heights over the head's joint, over the forehead and at the neck
 
 
@@ -97,7 +100,8 @@ def dressed_bodies(result: Reconstruction) -> DressedBodies:
     for index, vertices in posed.items():
         normals = vertex_normals(vertices, faces)
         photo, seen, near = photo_colors(result, index, vertices, normals, caster)
-        fill[index] = _fill(photo, near, faces, others, parts, pull)
+        hair = None if model is None else _hair(result, index, vertices, model, parts)
+        fill[index] = _fill(photo, near, faces, others, parts, pull, hair)
         tone[index] = _DARK + (_LIGHT - _DARK) * (0.5 + 0.5 * normals @ _light(result))
         colors[index] = _mixed(photo, near, fill[index] * tone[index][:, None])
         filled[index] = (1 - seen).astype(np.float32)
@@ -184,6 +188,45 @@ def _sides_and_parts(
     return others, np.where(scalp, parts.max() + 1, parts), np.where(scalp, SCALP_WEIGHT, PART_WEIGHT)
 
 
+def _hair(
+    result: Reconstruction, index: int, vertices: Array, model: BodyModel, parts: NDArray[np.int64]
+) -> Array | None:
+    """Return the colour (3,) of a person's hair: of their pixels around the upper head that the face does not cover.
+
+    Hair that stands off lies beside the body. None if there are few such pixels.
+
+    Args:
+        result: of the photo.
+        index: of the person.
+        vertices: (V, 3) metres.
+        model: of the body.
+        parts: (V,) of the vertices, the last one the scalp.
+    """
+    import cv2
+
+    person, matrix = result.people[index], result.intrinsics.matrix
+    joints = person.joints[[JOINT_INDEX["head"], JOINT_INDEX["neck"]]].astype(np.float64)
+    face = vertices[parts == model.part_names.index("head")]
+    if min(joints[:, 2].min(), face[:, 2].min()) <= 0:
+        return None
+    (head, neck), outline = (points @ matrix[:2].T / points[:, 2:] for points in (joints, face))
+    radius = float(_HAIR_M * matrix[0, 0] / joints[0, 2])
+    size = person.mask.shape[::-1]
+    low, high = (np.clip(np.round(head + side * radius), 0, size).astype(np.int64) for side in (-1, 1))
+    window = slice(low[1], high[1]), slice(low[0], high[0])
+    rows, columns = np.mgrid[window]
+    beyond = np.stack([columns, rows], -1) - head
+    around = person.mask[window] & ((beyond**2).sum(-1) < radius**2) & (beyond @ (head - neck) > 0)
+    if not around.size:
+        return None
+    shown = cv2.erode(around.astype(np.uint8), np.ones((3, 3), np.uint8))  # the rim has colours of the background
+    cv2.fillConvexPoly(shown, cv2.convexHull(np.round(outline - low).astype(np.int32)), 0)
+    if shown.sum() < _LEAST_HAIR * radius**2:
+        return None
+    color: Array = np.percentile(result.image[window][shown > 0], _DARKER, axis=0)
+    return color
+
+
 def _fill(
     photo: Array,
     weight: Array,
@@ -191,10 +234,12 @@ def _fill(
     others: NDArray[np.int64],
     parts: NDArray[np.int64],
     pull: Array,
+    hair: Array | None = None,
 ) -> Array:
     """Return a colour (V, 3) of each vertex: the photo's, the other side's, and smooth between.
 
-    It minimises ``sum w (c - photo)^2 + sum over edges (c_i - c_j)^2 + pull (c - mean of the part)^2``.
+    It minimises ``sum w (c - photo)^2 + sum over edges (c_i - c_j)^2 + pull (c - mean of the part)^2``. The mean of the
+    last part, the scalp, is the colour of the hair, if that is known.
     """
     import scipy.sparse as sp
     from scipy.sparse.linalg import splu
@@ -209,6 +254,8 @@ def _fill(
     amount, mean = np.bincount(parts, trust, size), (trust[:, None] * target).sum(0) / trust.sum()
     of_part = np.stack([np.bincount(parts, trust * column, size) for column in target.T], 1)
     of_part = (of_part + 1e-3 * mean) / (amount + 1e-3)[:, None]
+    if hair is not None:
+        of_part[-1] = hair
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     links = sp.coo_matrix((np.ones(len(edges)), tuple(edges.T)), (count, count)).tocsr()
     links = ((links + links.T) > 0).astype(np.float64)
