@@ -171,7 +171,7 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
 
     kept: list[dict[str, dict[str, list[float]]]] = []
     estimates: list[Any] = []
-    skin: dict[int, list[tuple[str, str, float]]] = {}
+    skin: list[list[tuple[str, str, float]]] = []
     features_of, contacts_of = parts.part_features, solve.body_contacts
 
     def recorded(given: ContactInput, gap: Tensor) -> dict[str, dict[str, Tensor]]:
@@ -189,7 +189,7 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
     with patch.object(parts, "part_features", recorded), patch.object(solve, "body_contacts", all_contacts):
         try:
             result = pipeline(cv2.cvtColor(picture_of(sample), cv2.COLOR_BGR2RGB), complete=complete)
-            skin = {person.index: skin_contacts(person) for person in result.people}
+            skin = [skin_contacts(person) for person in result.people]
         except PhysicError as error:
             print(f"{sample.set} {sample.name}: {error}", file=sys.stderr)
     people: list[dict[str, Any]] = []
@@ -205,7 +205,7 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
                     "parts": {part: {k: v[i] for k, v in each.items()} for part, each in kept[0].items()},
                     "y": {name: float(e.keypoints.points[i, j, 1] * factor[1]) for name, j in rows.items()},
                     "lower": np.nan_to_num(e.stance.lower[i]).tolist(),
-                    "skin": skin.get(i, []),
+                    "skin": skin[i] if skin else [],
                 }
             )
     file.parent.mkdir(parents=True, exist_ok=True)
