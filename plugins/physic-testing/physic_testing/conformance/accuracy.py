@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -35,29 +35,44 @@ if TYPE_CHECKING:
     from physic_testing.conformance.backend_under_test import BackendUnderTest
     from physic_testing.conformance.cases import Case
 
-BETTER_DIRECTION: dict[str, str] = {
-    "IoU": "higher",
-    "found": "higher",
-    "floor IoU": "higher",
-    "PSNR in the hole, dB": "higher",
-    "abs-rel": "lower",
-    "delta1": "higher",
-    "abs-rel, scale fitted": "lower",
-    "delta1, scale fitted": "higher",
-    "abs-rel, aligned": "lower",
-    "delta1, aligned": "higher",
-    "px": "lower",
-    "share of person": "lower",
-    "MPJPE, mm": "lower",
-    "PA-MPJPE, mm": "lower",
-    "degrees": "lower",
-    "wrist degrees": "lower",
-    "hands found": "higher",
-    "F1": "higher",
-    "precision": "higher",
-    "recall": "higher",
+
+class ErrorOf(NamedTuple):
+    """What is known of an error.
+
+    Attributes:
+        better: whether "higher" or "lower" is better.
+        exact: worst value in a photo of a backend with the capability "exact".
+        nearly: the same of a backend whose output proves it to be exact: what resampling explains.
+    """
+
+    better: str
+    exact: float = float("nan")
+    nearly: float = float("nan")
+
+
+ERRORS: dict[str, ErrorOf] = {
+    "IoU": ErrorOf("higher", 0.99, 0.96),
+    "found": ErrorOf("higher", nearly=1.0),
+    "floor IoU": ErrorOf("higher"),
+    "PSNR in the hole, dB": ErrorOf("higher", 40, 30),
+    "abs-rel": ErrorOf("lower", 0.01, 0.02),
+    "delta1": ErrorOf("higher"),
+    "abs-rel, scale fitted": ErrorOf("lower"),
+    "delta1, scale fitted": ErrorOf("higher"),
+    "abs-rel, aligned": ErrorOf("lower", 0.01, 0.02),
+    "delta1, aligned": ErrorOf("higher"),
+    "px": ErrorOf("lower"),
+    "share of person": ErrorOf("lower", 0.002, 0.005),
+    "MPJPE, mm": ErrorOf("lower", 5, 12),
+    "PA-MPJPE, mm": ErrorOf("lower"),
+    "degrees": ErrorOf("lower", 1, 2),
+    "wrist degrees": ErrorOf("lower", nearly=3),
+    "hands found": ErrorOf("higher"),
+    "F1": ErrorOf("higher", 0.99, 0.9),
+    "precision": ErrorOf("higher"),
+    "recall": ErrorOf("higher"),
 }
-"""Error name -> whether higher or lower is better."""
+"""Error name, with its unit -> what is known of it."""
 
 MAIN_ERROR: dict[str, str] = {
     "segmenter": "IoU",
@@ -86,7 +101,7 @@ def measure_errors(interface: str, answer: Any, case: Case) -> dict[str, float]:
         case: photo with ground truth.
 
     Returns:
-        Error name of BETTER_DIRECTION -> value.
+        Error name of ERRORS -> value.
 
     Raises:
         CheckSkipped: worlds have no ground truth for this interface.
@@ -105,7 +120,7 @@ def main_error(interface: str, answer: Any, case: Case) -> float:
     """
     name = MAIN_ERROR[interface]
     value = measure_errors(interface, answer, case).get(name, float("nan"))
-    return 1 - value if BETTER_DIRECTION[name] == "higher" else value
+    return 1 - value if ERRORS[name].better == "higher" else value
 
 
 def mean_accuracy(subject: BackendUnderTest) -> dict[str, float]:

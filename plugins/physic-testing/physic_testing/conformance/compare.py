@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.discovery.error_text import describe_error, traceback_text
 from physic_core.errors import PhysicError
-from physic_testing.conformance.accuracy import BETTER_DIRECTION, mean_errors, measure_errors
+from physic_testing.conformance.accuracy import ERRORS, mean_errors, measure_errors
 from physic_testing.conformance.backend_under_test import find_backend
 from physic_testing.conformance.cases import SIZE, case_of_world
 from physic_testing.conformance.contract import case_violations
@@ -66,7 +66,7 @@ class BackendComparison:
     @property
     def text(self) -> str:
         """Table with one line per backend; * marks the best value of each column."""
-        names = [name for name in BETTER_DIRECTION if any(name in row.errors for row in self.rows)]
+        names = [name for name in ERRORS if any(name in row.errors for row in self.rows)]
         head = ("backend", *names, "s a photo", "worlds")
         lines = [head]
         for row in self.rows:
@@ -98,7 +98,7 @@ class BackendComparison:
             "worlds": [list(world) for world in self.worlds],
             "size": list(self.size),
             "better": {
-                name: way for name, way in BETTER_DIRECTION.items() if any(name in row.errors for row in self.rows)
+                name: error.better for name, error in ERRORS.items() if any(name in row.errors for row in self.rows)
             },
             "backends": [
                 {
@@ -117,7 +117,7 @@ class BackendComparison:
         if name not in row.errors:
             return "-"
         values = [other.errors[name] for other in self.rows if name in other.errors]
-        best = max(values) if BETTER_DIRECTION[name] == "higher" else min(values)
+        best = max(values) if ERRORS[name].better == "higher" else min(values)
         mark = "*" if len(values) > 1 and row.errors[name] == best else ""
         return f"{row.errors[name]:.3g}{mark}"
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from physic_testing.conformance.accuracy import BETTER_DIRECTION, measure_errors
+from physic_testing.conformance.accuracy import ERRORS, measure_errors
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped
 from physic_testing.conformance.readings import values_of
 
@@ -18,32 +18,6 @@ if TYPE_CHECKING:
     from physic_core.types import FloatArray
     from physic_testing.conformance.backend_under_test import BackendUnderTest
     from physic_testing.conformance.readings import Table, Values
-
-EXACT: dict[str, float] = {
-    "IoU": 0.99,
-    "PSNR in the hole, dB": 40,
-    "abs-rel": 0.01,
-    "abs-rel, aligned": 0.01,
-    "share of person": 0.002,
-    "MPJPE, mm": 5,
-    "degrees": 1,
-    "F1": 0.99,
-}
-"""Error name -> worst value in a photo of a backend with the capability "exact"."""
-
-NEARLY_EXACT: dict[str, float] = {
-    "IoU": 0.96,
-    "found": 1.0,
-    "PSNR in the hole, dB": 30,
-    "abs-rel": 0.02,
-    "abs-rel, aligned": 0.02,
-    "share of person": 0.005,
-    "MPJPE, mm": 12,
-    "degrees": 2,
-    "wrist degrees": 3,
-    "F1": 0.9,
-}
-"""The same of a backend whose output proves it to be exact: what resampling explains."""
 
 PROVEN = 0.5
 """Share of pixels, points or rotations on one line with the truth; shipped networks have at most a tenth."""
@@ -89,7 +63,8 @@ def check_is_exact(subject: BackendUnderTest, table: Table) -> None:
     is_declared = "exact" in subject.capabilities
     if not is_declared and on_line < PROVEN:
         raise CheckSkipped("not exact")
-    limits = EXACT | subject.exact_limits if is_declared else NEARLY_EXACT
+    limits = {name: error.exact if is_declared else error.nearly for name, error in ERRORS.items()}
+    limits |= subject.exact_limits if is_declared else {}
     if not is_declared and share < PROVEN and subject.interface == "metric_depth":
         limits = {}  # the scale of real depth is an estimate; 'depth_is_in_metres' judges its mean
     wanted = "the truth in all photos, as of a perfect network"
@@ -99,7 +74,7 @@ def check_is_exact(subject: BackendUnderTest, table: Table) -> None:
             raise CheckFailed(wanted, got, "Is it a scale, a unit, a gamma or a mean that the network's authors state?")
     errors = [measure_errors(subject.interface, answer, case) for case, answer in subject.evidence()]
     for name, limit in limits.items():
-        sign = 1 if BETTER_DIRECTION[name] == "lower" else -1
+        sign = 1 if ERRORS[name].better == "lower" else -1
         values = {i: sign * row[name] for i, row in enumerate(errors) if name in row}
         worst = max(values, key=lambda i: values[i], default=None)
         if worst is not None and values[worst] > sign * limit:
