@@ -71,8 +71,8 @@ def touched_own_part(model: BodyModel, vertices: FloatArray, reach: float) -> ND
     return touched
 
 
-def touched_people(model: BodyModel, vertices: FloatArray, reach: float) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
-    """Return the other person that each outer vertex touches, and the part of that body: (N, V) each, NONE for none.
+def touched_people(model: BodyModel, vertices: FloatArray, reach: float) -> NDArray[np.int16]:
+    """Return the other person that each outer vertex touches (N, V), NONE for none.
 
     Args:
         model: body model of the people.
@@ -80,7 +80,7 @@ def touched_people(model: BodyModel, vertices: FloatArray, reach: float) -> tupl
         reach: m, largest distance; vertices inside another body touch it too.
     """
     outer, part_of_vertex = np.flatnonzero(model.outer.numpy()), model.part_of_vertex.numpy()
-    person, part = (np.full(vertices.shape[:2], NONE, np.int16) for _ in range(2))
+    person = np.full(vertices.shape[:2], NONE, np.int16)
     least = np.full(vertices.shape[:2], np.inf)
     normals = [vertex_normals(body, model.faces.numpy()) for body in vertices]
     for j, other in enumerate(vertices):
@@ -88,14 +88,14 @@ def touched_people(model: BodyModel, vertices: FloatArray, reach: float) -> tupl
             theirs = outer[part_of_vertex[outer] == p]
             low, high = other[theirs].min(axis=0) - _MARGIN, other[theirs].max(axis=0) + _MARGIN
             for i, body in enumerate(vertices):
-                near = outer[((body[outer] > low) & (body[outer] < high)).all(axis=1)]
-                if i == j or not len(near):
+                near = outer[((body[outer] > low) & (body[outer] < high)).all(axis=1)] if i != j else outer[:0]
+                if not len(near):
                     continue
                 distance = _skin_distance(body, normals[i], near, theirs, reach, onto=(other, normals[j]))
                 chosen = near[distance < least[i, near]]
                 least[i, near] = np.minimum(least[i, near], distance)
-                person[i, chosen], part[i, chosen] = j, p
-    return person, part
+                person[i, chosen] = j
+    return person
 
 
 def touched_surface(room: Room, vertices: FloatArray, contact: BoolArray) -> UInt8Array:

@@ -156,7 +156,6 @@ class World:
         touched_own_part: (N, V) int16, part of the own body, index into ``parts``, that an outer vertex touches; -1 for
             none.
         touched_person: (N, V) int16, other person whom an outer vertex touches; -1 for none.
-        touched_person_part: (N, V) int16, part of that person, index into ``parts``; -1 for none.
         touched_item: (N, V) int16, small object within CONTACT_DISTANCE, index into ``items``; -1 for none.
         support: (N, V) bool, vertices that carry the person (``body_contacts.supporting_vertices``).
         dent: (N, V) float32 m, depth of each vertex below the undented surface of a soft block; 0 elsewhere.
@@ -201,7 +200,6 @@ class World:
     touched_surface: UInt8Array
     touched_own_part: NDArray[np.int16]
     touched_person: NDArray[np.int16]
-    touched_person_part: NDArray[np.int16]
     touched_item: NDArray[np.int16]
     support: BoolArray
     dent: FloatArray
@@ -326,7 +324,7 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
     pictures = render_pictures(model, stage, bodies.vertices, rng, stored.images if stored else None)
     distance = stage.room.signed_distance(in_room)
     contact = (distance <= CONTACT_DISTANCE) & outer
-    person, person_part = touched_people(model, in_room, CONTACT_DISTANCE)
+    person = touched_people(model, in_room, CONTACT_DISTANCE)
     up = np.array(stage.room.ground.normal)
 
     def seen(points: FloatArray, names: tuple[str, ...]) -> BoolArray:
@@ -368,7 +366,6 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
         touched_surface=touched_surface(stage.room, in_room, contact),
         touched_own_part=touched_own_part(model, in_room, CONTACT_DISTANCE),
         touched_person=person,
-        touched_person_part=person_part,
         touched_item=touched_item(stage.room, outer, in_room, CONTACT_DISTANCE),
         support=supporting_vertices(stage.room, model, in_room, stage.camera.to_room(bodies.joints), contact, person),
         dent=_dent(stage.room, in_room).astype(np.float32),
