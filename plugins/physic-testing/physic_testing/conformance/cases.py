@@ -192,30 +192,12 @@ def _without_people(case: Case) -> Case:
 
 
 def _resized(case: Case, name: str, width: int, height: int) -> Case:
-    """Resample a case to another size, nearest neighbour."""
-    old_height, old_width = case.hole.shape
-    scale = np.array([width / old_width, height / old_height])
-    rows = ((np.arange(height) + 0.5) / scale[1]).astype(int)
-    columns = ((np.arange(width) + 0.5) / scale[0]).astype(int)
-    grid = np.ix_(rows, columns)
-    people, keypoints = case.people, case.keypoints
-    masks = people.masks[(slice(None), *grid)]
+    """Resample a case to another size."""
+    from physic_testing.conformance.changes import Change, changed_case
+
+    scale = np.array([width / case.intrinsics.width, height / case.intrinsics.height, 1])
+    pixels = np.diag(scale)
+    pixels[:, 2] += (scale - 1) / 2  # integer coordinates are pixel centres
     return replace(
-        case,
-        name=name,
-        photo=case.photo[grid],
-        empty=case.empty[grid],
-        hole=case.hole[grid],
-        intrinsics=case.intrinsics.resized(width, height),
-        people=People(masks, people.boxes * np.tile(scale, 2), people.scores),
-        keypoints=replace(keypoints, points=(keypoints.points + 0.5) * scale - 0.5),
-        scene=_sampled(case.scene, grid, width, height),
-        original=_sampled(case.original, grid, width, height),
-        world=None,
+        changed_case(case, Change(name, pixels, np.eye(3), case.intrinsics.resized(width, height))), name=name
     )
-
-
-def _sampled(pointmap: Pointmap, grid: tuple[object, ...], width: int, height: int) -> Pointmap:
-    """Resample a point map at a pixel grid."""
-    camera = pointmap.intrinsics.resized(width, height) if pointmap.intrinsics is not None else None
-    return replace(pointmap, points=pointmap.points[grid], valid=pointmap.valid[grid], intrinsics=camera)  # type: ignore[index]

@@ -44,12 +44,9 @@ def check_packages_are_required(subject: BackendUnderTest) -> None:
     needed = _imported(subject.kind) - {subject.kind.__module__.partition(".")[0], *stated}
     names = {canonicalize_name(claim.distribution), *required_versions(claim.distribution)}
     names |= {"physic-core", *required_versions("physic-core")}
-    provided = packages_distributions()
-    unlisted = [
-        module
-        for module in sorted(needed)
-        if names.isdisjoint(map(canonicalize_name, (module, *provided.get(module, ()))))
-    ]
+    unlisted = sorted(module for module in needed if canonicalize_name(module) not in names)
+    provided = packages_distributions() if unlisted else {}  # it reads every installed distribution
+    unlisted = [m for m in unlisted if names.isdisjoint(map(canonicalize_name, provided.get(m, ())))]
     expect(
         not unlisted,
         "the packages that the backend's module imports, in the requirements of its distribution or of the backend",
