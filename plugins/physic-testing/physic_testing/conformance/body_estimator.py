@@ -13,7 +13,7 @@ from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.output_checks import HINT_CHECKS, PEOPLE_CHECKS
 from physic_testing.conformance.readings import Group, Reading, Table, changed
-from physic_testing.conformance.row_order import check_rows_follow_the_people
+from physic_testing.conformance.row_order import ROW_CHECKS
 from physic_testing.conformance.truth import (
     embedded_body,
     embedded_surface,
@@ -394,6 +394,6 @@ CHECKS: tuple[Check, ...] = (
     Check(check_mesh_is_close_to_the_joints, _READ, after=_FORM),
     Check(check_bodies_are_in_front, _PARAMETERS, after=(*_FORM, "joints_suffice_to_convert_bodies")),
     Check(check_observed_is_true_in_sight, _READ, unless=BLIND),
-    Check(check_rows_follow_the_people, _READ),
+    *ROW_CHECKS,
 )
 """Further checks of a BodyEstimator, in order of execution."""

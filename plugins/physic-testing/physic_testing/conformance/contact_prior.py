@@ -13,7 +13,7 @@ from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.output_checks import PEOPLE_CHECKS
 from physic_testing.conformance.readings import Group, Reading, Table, Values, changed, values_of
-from physic_testing.conformance.row_order import check_rows_follow_the_people
+from physic_testing.conformance.row_order import ROW_CHECKS
 from physic_testing.conformance.truth import contact_on_embedded, embedded_body
 
 if TYPE_CHECKING:
@@ -171,6 +171,6 @@ CHECKS: tuple[Check, ...] = (
         after=("vertices_are_in_order", "rest_mesh_is_a_t_pose"),
         unless=BLIND,
     ),
-    Check(check_rows_follow_the_people, _READ, after=("rest_mesh_is_a_t_pose",)),
+    *ROW_CHECKS,
 )
 """Further checks of a ContactPrior, in order of execution."""

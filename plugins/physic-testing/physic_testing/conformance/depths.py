@@ -38,7 +38,11 @@ EXPLAINED = {"metric_depth": 0.05, "relative_pointmap": 0.4}
 MIN_LEVELS = 300
 """Different depths below which a depth map is of 8 bits."""
 
-_ROUNDS, _FITTED, _COMPARED, _BLUR_PX = 8, 5000, 20000, 1.2
+MAX_REPEATED = 0.2
+"""Share of rows or columns of a depth map that may repeat the one before, beyond those of the truth."""
+
+_SAME = 0.98  # share of the pixels of a row that repeats another
+_ROUNDS, _FITTED, _COMPARED, _BLUR_PX = 8, 2000, 20000, 1.2
 _SHIFT_PENALTY = 1e-3  # of the mean square residual; a true shift is off by 1e-5 of itself where depths vary by a tenth
 _BORDER_PX = 3
 _IN_FRONT = 0.1  # log of the depth behind a person over the person's
@@ -383,7 +387,7 @@ def _table(subject: BackendUnderTest) -> Table:
 
 
 def check_depth_is_where_it_can_be_known(subject: BackendUnderTest) -> None:
-    """At least 30 % of the pixels have a depth, and depths are finer than 8 bits."""
+    """At least 30 % of the pixels have a depth of their own, and depths are finer than 8 bits."""
     for case, values, truth in values_of(subject, _table(subject)):
         known = float(np.isfinite(values["z"]).mean())
         expect(known >= MIN_COVERAGE, "known depth in at least 30 % of the pixels", f"{known:.0%}")
@@ -394,6 +398,24 @@ def check_depth_is_where_it_can_be_known(subject: BackendUnderTest) -> None:
             f"{levels} different ones in the photo '{case.name}'",
             "Is it an image of 8 bit?",
         )
+        repeated = _repeated(values["z"])
+        expect(
+            repeated < MAX_REPEATED + _repeated(truth["z"]),
+            "a depth for each pixel",
+            f"{repeated:.0%} of the rows or columns as the one before in the photo '{case.name}'",
+            "Is the output of a smaller grid repeated? Resize it by interpolation.",
+        )
+
+
+def _repeated(z: FloatArray) -> float:
+    """Return which share of rows or of columns, the larger, repeats the one before, to the precision of 16 bits."""
+    shares = []
+    for lines in (z.astype(np.float16), z.T.astype(np.float16)):
+        known = np.isfinite(lines[1:]) & np.isfinite(lines[:-1])
+        same = (known & (lines[1:] == lines[:-1])).sum(axis=1) > _SAME * known.sum(axis=1)
+        varies = np.nanmax(lines[1:], axis=1) > np.nanmin(lines[1:], axis=1)  # a clipped depth does not
+        shares.append(float((same & varies).mean()))
+    return max(shares)
 
 
 def check_sky_has_no_depth(subject: BackendUnderTest) -> None:

@@ -13,7 +13,7 @@ from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.output_checks import PEOPLE_CHECKS
 from physic_testing.conformance.readings import Group, Reading, Table, Values, changed
-from physic_testing.conformance.row_order import check_rows_follow_the_people
+from physic_testing.conformance.row_order import ROW_CHECKS
 from physic_testing.conformance.truth import rotation_errors_deg, true_hands, true_wrists
 
 if TYPE_CHECKING:
@@ -134,6 +134,6 @@ CHECKS: tuple[Check, ...] = (
     Check(check_angles_are_radians, TABLE.read),
     Check(check_confidence_is_that_of_each_hand, TABLE.read, unless=BLIND),
     Check(check_wrists_are_in_the_cameras_frame, TABLE.read, after=("angles_are_radians",)),
-    Check(check_rows_follow_the_people, TABLE.read),
+    *ROW_CHECKS,
 )
 """Further checks of a HandEstimator, in order of execution."""

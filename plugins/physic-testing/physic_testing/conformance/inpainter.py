@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from physic_testing.conformance.readings import Make, Values
 
 _VISIBLE_CHANGE = 8  # grey levels by which a pixel visibly differs
+_SOFT_PX = 6  # width of a soft border
 
 
 def _values(answer: UInt8Array, case: Case, truth: Values) -> Values:
@@ -48,16 +49,22 @@ def _slopes(values: Values, truth: Values, case: Case) -> list[FloatArray]:
     return [np.concatenate([np.diff(grey, axis=axis).ravel() for axis in (0, 1)])]
 
 
-def _with_rim(px: int) -> Make:
+def _with_rim(values: Values, case: Case) -> Values:
     """Return the fill with a border of the people's pixels left."""
     import cv2
 
-    def make(values: Values, case: Case) -> Values:
-        person = case.people.masks.any(axis=0).astype(np.uint8)
-        rim = (person > 0) & (cv2.distanceTransform(person, cv2.DIST_C, 3) <= px)
-        return values | {"picture": np.where(rim[..., None], values["photo"], values["picture"])}
+    person = case.people.masks.any(axis=0).astype(np.uint8)
+    rim = (person > 0) & (cv2.distanceTransform(person, cv2.DIST_C, 3) <= 1)
+    return values | {"picture": np.where(rim[..., None], values["photo"], values["picture"])}
 
-    return make
+
+def _faded_in(values: Values, case: Case) -> Values:
+    """Return the fill blended with the photo near the border of the mask."""
+    import cv2
+
+    inside = cv2.distanceTransform(case.hole.astype(np.uint8), cv2.DIST_L2, 3)
+    share = np.minimum(inside / _SOFT_PX, 1)[..., None]
+    return values | {"picture": share * values["picture"] + (1 - share) * values["photo"]}
 
 
 _RANGE = "Is the value range right, and are mean and standard deviation undone?"
@@ -82,8 +89,8 @@ _COLOURS = (
     Reading("brighter", changed(picture=lambda i: 1.2 * i), _RANGE, 20.0, " %", 5.0, in_pairs=False),
     Reading("of half the contrast", changed(picture=lambda i: 0.5 * i + 64), _RANGE, in_pairs=False),
     Reading("blended with the photo", _blended, _RIM, in_pairs=False),
-    Reading("the photo at the border of people", _with_rim(1), _RIM, in_pairs=False),
-    Reading("the photo within 3 px of the border of people", _with_rim(3), _RIM, in_pairs=False),
+    Reading("the photo at the border of people", _with_rim, _RIM, in_pairs=False),
+    Reading("blended with the photo near the border of the mask", _faded_in, _RIM, limit=0.75, in_pairs=False),
 )
 _PLACE = (
     Reading("to the right", between("picture", _shifted(1, 0), _shifted(-1, 0)), _RESIZED, 1.0, " px", 0.5),

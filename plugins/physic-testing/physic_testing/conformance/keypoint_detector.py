@@ -14,7 +14,7 @@ from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.output_checks import PEOPLE_CHECKS
 from physic_testing.conformance.readings import MIN_UNITS, Group, Make, Reading, Table, Values, share_of, values_of
-from physic_testing.conformance.row_order import check_rows_follow_the_people
+from physic_testing.conformance.row_order import ROW_CHECKS
 from physic_testing.conformance.truth import comparable_keypoints, mirrored_order
 
 if TYPE_CHECKING:
@@ -84,6 +84,12 @@ def _points(change: Callable[[FloatArray, FloatArray], FloatArray]) -> Make:
     return lambda values, case: values | {"points": change(values["points"], _centres(case))}
 
 
+def _distorted(values: Values, case: Case) -> Values:
+    beside = values["points"] - [case.intrinsics.cx, case.intrinsics.cy]
+    stretch = 1 + 0.05 * ((beside / case.intrinsics.fx) ** 2).sum(axis=-1, keepdims=True)
+    return values | {"points": values["points"] + (stretch - 1) * beside}
+
+
 def _other_sides(values: Values, case: Case) -> Values:
     return values | {"points": values["points"][:, mirrored_order(values["names"])]}
 
@@ -99,8 +105,8 @@ def _mean_of_sides(values: Values, case: Case) -> Values:
 
 _BACK = "Was the output for a mirrored photo mirrored back, points and names?"
 _PIXEL = "Is half a pixel of a crop or a heat map lost, or are coordinates rounded down?"
-_GRID = "A grid of N cells between the borders has a step of size / N, between corners of size / (N - 1)."
 _ASPECT = "Is the crop that is scaled back the one that the network saw, with its margin and its aspect ratio?"
+_GRID = f"{_ASPECT} A grid of N cells between the borders has a step of size / N, between corners of size / (N - 1)."
 _CROP = "Are they in px of a crop, or shares of the size?"
 _READINGS = (
     Reading("y before x", _points(lambda p, _: p[..., ::-1]), "The order is x, y."),
@@ -119,6 +125,7 @@ _ALONG = (
     Reading("down", _points(lambda p, _: p + 0.5 * _Y), _PIXEL, 0.5, " px", 0.3),
     Reading("too large along x", _points(lambda p, c: p + 0.05 * (p - c) * _X), _GRID, 5.0, " %", 3.0),
     Reading("too large along y", _points(lambda p, c: p + 0.05 * (p - c) * _Y), _GRID, 5.0, " %", 3.0),
+    Reading("distorted as by a lens of k1", _distorted, "Is the lens distortion undone?", 0.05, "", 0.015),
 )
 _OWN, _KNOWN = "joints_are_those_of_the_person", ("skeleton_is_known",)
 TABLE = Table(
@@ -239,6 +246,6 @@ CHECKS: tuple[Check, ...] = (
     Check(check_skeleton_is_known, TABLE.read),
     Check(check_confidence_tells_hidden_joints, TABLE.read, after=_KNOWN, unless=BLIND),
     Check(check_world_points_are_metres, TABLE.read, after=(*_KNOWN, "joints_are_those_of_the_person")),
-    Check(check_rows_follow_the_people, TABLE.read),
+    *ROW_CHECKS,
 )
 """Further checks of a KeypointDetector, in order of execution."""

@@ -43,6 +43,7 @@ MIN_UNITS = 3
 MADE = 0.6
 """Share above which a mistake is made; it is a half of an output that has nothing to do with the photo."""
 
+_LOST = 10  # sizes of a mistake from which on a scatter says that none can be told
 _TOO_MUCH = 1.5  # of a mistake that is made once
 _UNLIKE = 0.7  # of the variance of the truth: a picture that is off by more shows little of the photo
 _PAIRED = 0.7  # of this share, between the outputs for two photos
@@ -204,7 +205,7 @@ def share_of(
     scatter = weight * (table[:, 0] - mean * table[:, 1])
     error = np.sqrt((scatter**2).sum() * count / (count - 1)) / (weight * table[:, 1]).sum()
     margin = float(stdtrit(count - 1, THREE_ERRORS) * error)
-    if not centred:
+    if not centred and least is None:  # the places of single joints cancel between two photos
         margin = max(margin, _margin_over_parts(off, mistakes, mean))
     before, share = float(table[:, 2].sum()), mean
     after = before - 2 * share * float(table[:, 0].sum()) + share**2 * float(table[:, 1].sum())
@@ -281,9 +282,8 @@ def check_group(subject: BackendUnderTest, table: Table, group: Group) -> tuple[
         for share in told:
             if is_made(share, reading, in_pairs=share is not shares[0]):
                 made.append((share.left, reading, share, share is shares[0]))
-        least = min((share.margin for share in told), default=float("inf"))
-        if least + reading.limit / (reading.size or 1.0) > 1 and told and not is_blind:
-            unseen.append(f"{reading.words} ({_scatter(reading, least)})")
+        if told and not is_blind and reading in group.readings:
+            unseen += _unseen(reading, min(share.margin for share in told))
     if group.others is not None and (common := _of_others(off)) is not None and common.mean - common.margin > MADE:
         made.append((common.left, Reading(group.others[0], lambda v, _: v, group.others[1]), common, True))
     if rough > group.rough or (made and not is_blind):
@@ -308,9 +308,16 @@ def _once(
     return found
 
 
-def _scatter(reading: Reading, margin: float) -> str:
-    """Return three standard errors of a reading as text."""
-    return f"+-{margin * reading.size:.2g}{reading.unit}" if reading.size else f"+-{margin:.0%} of it"
+def _unseen(reading: Reading, margin: float) -> list[str]:
+    """Return in words how much of a mistake is lost in three standard errors of ``margin``, if that is much."""
+    if not reading.size:
+        return [f"{reading.words} (scatter {margin:.0%} of it)"] if margin + reading.limit > 1 else []
+    error = margin * reading.size
+    least = min(reading.limit + error, max(SURE_SHARE * reading.limit, SURE_MARGINS * error))
+    if least <= reading.size:
+        return []
+    size = f"by less than {least:.2g}{reading.unit}" if least < _LOST * reading.size else "by whatever size"
+    return [f"{reading.words}, {size}"]
 
 
 def _found(group: Group, rough: float, best: tuple[float, Reading, Share, bool] | None) -> str:

@@ -1,4 +1,4 @@
-"""Check that the output rows are in the order of the input people."""
+"""Checks that row i of an output is that of person i, whoever else is in the photo."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ import numpy as np
 
 from physic_core.errors import BodyModelError
 from physic_testing.conformance.accuracy import main_error
+from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import CheckSkipped, expect
+from physic_testing.conformance.field_comparison import describe_difference
 from physic_testing.conformance.requests import infer_arguments
 
 if TYPE_CHECKING:
@@ -27,14 +29,14 @@ def check_rows_follow_the_people(subject: BackendUnderTest) -> None:
     count = len(case.people)
     own = _error(subject.interface, answer, case)
     for order in (np.arange(count)[::-1], *(np.roll(np.arange(count), k) for k in range(1, count))):
-        other = _error(subject.interface, _reordered(answer, order), case)
+        other = _error(subject.interface, _reordered(answer, order, count), case)
         expect(
             not other < MAX_RATIO * own,
             "row i for person i",
             f"an error of {own:.3g}, but of {other:.3g} with the rows in the order {order.tolist()}",
             "Do not sort people by size or score.",
         )
-    turned = tuple(_reordered(a, np.arange(count)[::-1]) for a in infer_arguments(subject.interface, case))
+    turned = tuple(_reordered(a, np.arange(count)[::-1], count) for a in infer_arguments(subject.interface, case))
     again = subject.call("output for the same people in reverse order", case, turned)
     first, second = _rows(answer, count), _rows(again, count)
     apart = np.abs(first[:, None] - second[None]).mean(axis=2)
@@ -49,6 +51,25 @@ def check_rows_follow_the_people(subject: BackendUnderTest) -> None:
     )
 
 
+def check_rows_do_not_depend_on_other_people(subject: BackendUnderTest) -> None:
+    """A person alone gets the row that the person has among others; a network that compares people may change some."""
+    answer, case = subject.result("several people"), subject.case("several people")
+    count = len(case.people)
+    changes = ""
+    for i in range(count):
+        alone = replace(_reordered(replace(case, world=None), np.array([i]), count), world=case.world)
+        own = subject.call("output for one of several people", alone, infer_arguments(subject.interface, alone))
+        changes = describe_difference(_reordered(answer, np.array([i]), count), own)
+        if not changes:
+            return
+    expect(
+        False,
+        "the same row for a person alone as among others",
+        f"other rows for each of {count} people, such as {changes}",
+        "Is a layer in training mode (call eval()), or are values normalised over people?",
+    )
+
+
 def _error(interface: str, answer: Any, case: Case) -> float:
     """Return the error of the answer, lower is better; NaN where worlds have no ground truth for it."""
     try:
@@ -57,12 +78,12 @@ def _error(interface: str, answer: Any, case: Case) -> float:
         return float("nan")
 
 
-def _reordered(thing: Any, order: IntArray) -> Any:
-    """Reorder the rows of all arrays that have one row per person."""
+def _reordered(thing: Any, order: IntArray, count: int) -> Any:
+    """Take rows of all arrays that have one row for each of ``count`` people."""
     if isinstance(thing, np.ndarray):
-        return thing[order].copy() if thing.ndim and len(thing) == len(order) else thing
+        return thing[order].copy() if thing.ndim and len(thing) == count else thing
     if is_dataclass(thing) and not isinstance(thing, type):
-        return replace(thing, **{f.name: _reordered(getattr(thing, f.name), order) for f in fields(thing)})
+        return replace(thing, **{f.name: _reordered(getattr(thing, f.name), order, count) for f in fields(thing)})
     return thing
 
 
@@ -80,3 +101,16 @@ def _rows(answer: Any, count: int) -> FloatArray:
 
     gather(answer)
     return np.concatenate(found, axis=1)
+
+
+ROW_CHECKS: tuple[Check, ...] = (
+    Check(check_rows_follow_the_people, "physic_core.interfaces"),
+    Check(
+        check_rows_do_not_depend_on_other_people,
+        "physic_core.interfaces",
+        after=("rows_follow_the_people",),
+        unless=frozenset({"stochastic"}),
+        warns=True,
+    ),
+)
+"""Checks of interfaces that receive people."""

@@ -127,7 +127,7 @@ def _readings(key: str, limit: float) -> tuple[Reading, ...]:
         Reading("upside down", changed(**{key: lambda masks: masks[..., ::-1, :]}), _TURNED),
         Reading("to the right", _moved(key, 0, 1, 0), _PADDING, 1.0, " px", limit),
         Reading("down", _moved(key, 0, 0, 1), _PADDING, 1.0, " px", limit),
-        Reading("larger about the photo's centre", _moved(key, 0.02, 0, 0), _PADDING, 2.0, " %", 1.5),
+        Reading("larger about the photo's centre", _moved(key, 0.02, 0, 0), _PADDING, 2.0, " %", 0.75),
     )
 
 

@@ -83,6 +83,13 @@ def with_world(keypoints: Any, image: Any, people: Any, *, right: int) -> Any:
     return replace(keypoints, world=np.concatenate([flat * [right, 1], np.zeros_like(flat[..., :1])], axis=2))
 
 
+def of_a_lens(keypoints: Any, image: Any, people: Any) -> Any:
+    """The points in a photo that was not undistorted, of a lens of about one photo's width."""
+    beside = keypoints.points - (np.array(image.shape[1::-1]) - 1) / 2
+    farther = 0.1 * (beside**2).sum(axis=-1, keepdims=True) / max(image.shape) ** 2
+    return replace(keypoints, points=keypoints.points + farther * beside)
+
+
 _LEGS = [(f"{side}_knee", f"{side}_ankle") for side in ("left", "right")]
 
 
@@ -277,6 +284,10 @@ def eight_bit(z: np.ndarray) -> np.ndarray:
     return np.maximum(np.round(z / far * 255), 1) / 255 * far
 
 
+def of_half_a_grid(z: np.ndarray) -> np.ndarray:
+    return z[::2, ::2].repeat(2, axis=0).repeat(2, axis=1)[: z.shape[0], : z.shape[1]]
+
+
 def with_sky(depth: Any, *_: Any) -> Any:
     return replace(depth, depth=np.where(np.isfinite(depth.depth), depth.depth, 65.5).astype(np.float32))
 
@@ -352,6 +363,12 @@ def blended(filled: np.ndarray, image: np.ndarray, mask: np.ndarray) -> np.ndarr
     soft = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), 6)[..., None]
     soft = np.where(mask[..., None], soft * 0.7, 0)
     return np.rint(soft * filled + (1 - soft) * image).astype(np.uint8)
+
+
+def soft_rim(filled: np.ndarray, image: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    inside = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 5)
+    share = np.clip(inside / 8, 0, 1)[..., None]
+    return np.where(mask[..., None], np.rint(share * filled + (1 - share) * image), image).astype(np.uint8)
 
 
 def faded(filled: np.ndarray, image: np.ndarray, mask: np.ndarray) -> np.ndarray:
@@ -457,6 +474,7 @@ FURTHER: dict[str, tuple[tuple[str, str, Callable[..., Any]], ...]] = {
     "MockInpainter": (
         ("whole picture one pixel to the right", "np.where", moved_picture),
         ("fill mirrored", "mirrored", with_fill(lambda image: image[:, ::-1])),
+        ("blended at its border", "blended", soft_rim),
         ("10 % darker", "range", with_fill(lambda image: 0.9 * image)),
         ("one pixel of the border of people left", "shrunk", rim_left(1)),
         ("without colour", "range", with_fill(lambda image: image.mean(axis=2, keepdims=True) * [1, 1, 1])),
@@ -466,6 +484,7 @@ FURTHER: dict[str, tuple[tuple[str, str, Callable[..., Any]], ...]] = {
         ("times 1.25", "factor", with_depth(lambda z: 1.25 * z)),
         ("0.3 m too far", "offset", with_depth(lambda z: z + 0.3)),
         ("camera of a square photo", "aspect", with_camera(fx=0.75)),
+        ("half-size grid", "smaller grid", with_depth(of_half_a_grid)),
     ),
     "MockRelativePointmap": (
         ("y up", "OpenGL", with_points_of_map(lambda p, _: p * [1, -1, 1])),
@@ -481,6 +500,7 @@ FURTHER: dict[str, tuple[tuple[str, str, Callable[..., Any]], ...]] = {
         ("knees for ankles", "order", lambda k, *_: exchanged(k, *_LEGS)),
         ("wrists exchanged", "order", lambda k, *_: exchanged(k, ("left_wrist", "right_wrist"))),
         ("1 is unsure", "1 is sure", lambda k, *_: replace(k, confidence=1 - k.confidence)),
+        ("lens distortion", "distortion", of_a_lens),
         ("world points with x to the left", "", lambda *a: with_world(*a, right=-1)),
     ),
     "MockBodyEstimator": (

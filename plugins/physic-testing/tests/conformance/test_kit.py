@@ -97,6 +97,12 @@ def test_the_summary_counts_passed_failed_and_skipped_checks():
     assert sum(report.counts.values()) == total
 
 
+def test_the_last_line_says_whether_the_backend_passed():
+    assert check_backend(CENTIMETRES, size=SIZE).text.endswith("\nfailed: depth_is_in_metres")
+    passed = check_backend(RightMetricDepth, size=SIZE)
+    assert passed.text.rpartition("\n")[2] == f"passed: {passed.counts['passed']} checks"
+
+
 def test_an_expected_failure_is_no_failure():
     report = check_backend(CENTIMETRES, size=SIZE, expected_failures={"depth_is_in_metres": "known"})
     assert report.ok
@@ -115,7 +121,7 @@ def test_a_backend_that_cannot_be_loaded_does_not_pass():
     assert not report.ok
     assert report.failures == ()
     assert report.not_run_reason == f"not ready: {NO_WEIGHTS}"
-    assert report.summary.endswith(f"\nBACKEND NEVER RUN: not ready: {NO_WEIGHTS}")
+    assert report.text.endswith(f"\nBACKEND NEVER RUN: not ready: {NO_WEIGHTS}")
     with pytest.raises(AssertionError, match="BACKEND NEVER RUN"):
         report.raise_if_failed()
 

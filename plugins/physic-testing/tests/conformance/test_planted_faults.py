@@ -22,7 +22,6 @@ SEEDS = (1000, 1001)
 UNSEEN = {
     ("MockInpainter", "one pixel down"),
     ("MockMetricDepth", "one pixel to the right"),
-    ("MockKeypointDetector", "half a pixel off"),
     ("MockKeypointDetector", "clipped"),
     ("MockKeypointDetector", "corner of the cell"),
     ("MockBodyEstimator", "Euler angles"),

@@ -232,6 +232,12 @@ altered(RightBodies, "rotation matrices", FORM, lambda a, *_: replace(
 altered(RightHands, "confidence above 1", FORM, lambda a, *_: replace(a, confidence=a.confidence + 1))
 altered(RightContact, "a probability below 0", FORM, lambda a, *_: replace(a, probability=a.probability - 0.5))
 
+altered(
+    RightContact,
+    "normalised over people",
+    "rows_do_not_depend_on_other_people",
+    lambda a, *_: replace(a, probability=a.probability * (1 - 0.1 * len(a.probability))),
+)
 restless(
     RightMetricDepth,
     "one person at most",
