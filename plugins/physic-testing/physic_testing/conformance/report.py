@@ -134,8 +134,7 @@ class Report:
         if reasons and not self.not_run_reason:
             shortened = {shorten(reason, 90, placeholder=" ..."): n for reason, n in reasons.items()}
             words[-1] += f" ({'; '.join(f'{reason}: {n}' if n > 1 else reason for reason, n in shortened.items())})"
-        line = f"{self.interface}:{self.backend}  {len(self.results)} checks: {', '.join(words) or 'none ran'}"
-        return f"{line}\nBACKEND NEVER RUN: {self.not_run_reason}" if self.not_run_reason else line
+        return f"{self.interface}:{self.backend}  {len(self.results)} checks: {', '.join(words) or 'none ran'}"
 
     @property
     def text(self) -> str:
@@ -144,10 +143,26 @@ class Report:
         if self.accuracy:
             numbers = ", ".join(f"{name} {value:.3g}" for name, value in self.accuracy.items())
             blocks.append(f"accuracy on worlds (not judged): {numbers}")
-        blocks += [f"not decidable here: {r.check}: {', '.join(r.unseen)}" for r in self.results if r.unseen]
-        if self.ok and any(r.unseen for r in self.results):
-            blocks.append("test the wrapper alone with a network that knows the truth: capability `exact`")
-        return "\n".join([*blocks, self.summary])
+        blocks += [f"{r.check} could not tell: {', '.join(r.unseen)}" for r in self.results if r.unseen]
+        return "\n".join([*blocks, self.summary, self.verdict])
+
+    @property
+    def verdict(self) -> str:
+        """One sentence: whether the backend passed, and what that leaves open."""
+        if self.failures:
+            return f"failed: {', '.join(r.check for r in self.failures)}"
+        if self.not_run_reason:
+            return f"BACKEND NEVER RUN: {self.not_run_reason}"
+        count, unseen = self.counts["passed"], sum(len(r.unseen) for r in self.results)
+        words = [f"passed: {count} checks"]
+        if self.warnings:
+            words.append(f"{len(self.warnings)} warned: {', '.join(r.check for r in self.warnings)}")
+        if unseen:
+            words.append(
+                f"{unseen} mistakes would be lost among the errors of this network: test the wrapper with a network "
+                "that knows the truth (capability `exact`)"
+            )
+        return "; ".join(words)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the report as a JSON-ready dict, NaN as None."""
