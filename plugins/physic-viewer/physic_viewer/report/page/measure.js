@@ -99,14 +99,22 @@ class Pointer {
   // Move the labels to where their points are now.
   place() {
     const shown = this.stage.groups.people.visible;
-    for (const one of [...this.numbers, ...this.names]) if (one) this.put(one.label, shown ? one.top : null);
+    for (const one of this.numbers) if (one) this.put(one.label, shown ? one.top : null);
+    const taken = [];
+    for (const { label, top } of this.names) this.put(label, shown ? top : null, taken);
     const [first, second] = this.marks;
     this.put(this.length, second ? first.point.clone().add(second.point).multiplyScalar(0.5) : null);
   }
 
-  put(label, point) {
+  // Move a label to a point; upwards where it would cover one of those that are there already, [column, row, half its width].
+  put(label, point, taken = []) {
     const spot = point && this.stage.project(point);
     label.hidden = !spot;
-    if (spot) label.style.transform = `translate(-50%, -50%) translate(${spot[0].toFixed(1)}px, ${spot[1].toFixed(1)}px)`;
+    if (!spot) return;
+    const half = label.offsetWidth / 2, tall = label.offsetHeight + 2;
+    const covers = ([x, y, room]) => Math.abs(x - spot[0]) < room + half && Math.abs(y - spot[1]) < tall;
+    while (taken.some(covers)) spot[1] -= tall;
+    taken.push([...spot, half]);
+    label.style.transform = `translate(-50%, -50%) translate(${spot[0].toFixed(1)}px, ${spot[1].toFixed(1)}px)`;
   }
 }
