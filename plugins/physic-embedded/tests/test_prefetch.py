@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Future
+import time
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from physic_core.cache.results import network_results_in
 from physic_core.interfaces import Backend
 from physic_core.io.photo import read_photo
 from physic_core.types import Hints
+from physic_embedded.networks.sessions import open_packaged_session
 
 PHOTO = read_photo(Path(__file__).parents[3] / "examples" / "basketball.png").image
 
@@ -52,3 +54,20 @@ def test_the_point_map_of_the_photo_takes_its_depth_and_that_of_the_scene_its_li
 @pytest.mark.parametrize("interface", ["segmenter", "relative_pointmap"])
 def test_networks_of_one_thread_run_one_after_another(interface: str) -> None:
     assert not load_backend(interface, "embedded", threads=1).prefetch(PHOTO)
+
+
+def test_a_network_runs_for_one_thread_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    session, events = open_packaged_session("pose_detection"), list[str]()
+
+    class Slow:
+        def run(self, *_: object) -> tuple[()]:
+            events.append("begins")
+            time.sleep(0.05)
+            events.append("ends")
+            return ()
+
+    monkeypatch.setattr(session, "session", Slow())
+    with ThreadPoolExecutor(3) as threads:
+        for run in [threads.submit(session.run, None, {}) for _ in range(3)]:
+            run.result()
+    assert events == ["begins", "ends"] * 3
