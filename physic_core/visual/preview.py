@@ -98,7 +98,7 @@ _WIDTH = 1280
 
 _MARGIN, _GAP, _TITLE = 24, 18, 30
 _TALLEST, _ROW = 540, 320  # most px of a picture in height, and px of the views below
-_CELL = 300  # room that a picture has at least, for its title and the depth's bar, px
+_CELL = (_WIDTH - 2 * _MARGIN - 2 * _GAP) // 3  # width of a column, px
 _SHOWN_MESSAGES = 6
 _NAME = 17  # height of a name in a view, px
 _HEAD, _NECK = JOINT_INDEX["head"], JOINT_INDEX["neck"]
@@ -218,11 +218,10 @@ def _title(reconstruction: Reconstruction) -> str:
 
 def _layout(aspect: float, top: int) -> tuple[_Frame, ...]:
     """Return the frames of photo, overlay and depth in a row below a row of px, and of three views below them."""
-    wide, y = (_WIDTH - 2 * _MARGIN - 2 * _GAP) // 3, top + _TITLE
-    height = min(_TALLEST, round(wide / aspect))
+    y, height = top + _TITLE, min(_TALLEST, round(_CELL / aspect))
     width, low = max(round(height * aspect), 1), y + height + _GAP + _TITLE
-    columns = [_MARGIN + i * (wide + _GAP) for i in range(3)]
-    return (*(_Frame(x, y, width, height) for x in columns), *(_Frame(x, low, wide, _ROW) for x in columns))
+    columns = [_MARGIN + i * (_CELL + _GAP) for i in range(3)]
+    return (*(_Frame(x, y, width, height) for x in columns), *(_Frame(x, low, _CELL, _ROW) for x in columns))
 
 
 def _draw_panel(page: Image.Image, frame: _Frame, title: str, picture: UInt8Array) -> None:
@@ -252,9 +251,8 @@ def _depth_bar(page: Image.Image, frame: _Frame, ends: tuple[float, float]) -> N
     """Draw the colour scale in metres, beside the panel's title."""
     pen = ImageDraw.Draw(page)
     near, far = ends
-    room = max(frame.width, _CELL)
-    width = min(240, int(room - font(18).getlength(_DEPTH_TITLE) - 60))
-    x, y = frame.x + room - width - 20, frame.y - 13
+    width = min(240, int(_CELL - font(18).getlength(_DEPTH_TITLE) - 60))
+    x, y = frame.x + _CELL - width - 20, frame.y - 13
     shades = np.geomspace(near, far, width)[None].repeat(9, 0)
     page.paste(Image.fromarray(colored_depth(shades, near, far)), (x, y))
     pen.text((x, y - 4), f"{near:.2g} m", font=font(13), fill=INK_RGB, anchor="lb")

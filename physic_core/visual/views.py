@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-_POINTS = 300_000  # at most
+_POINTS = 400_000  # at most
 
 
 @dataclass(frozen=True)
