@@ -6,7 +6,6 @@ import hashlib
 import logging
 from dataclasses import dataclass
 from functools import cache
-from threading import Lock
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -74,7 +73,6 @@ class OnnxSession:
         self, session: InferenceSession, provider: ExecutionProvider, name: str = "", made_of: str = ""
     ) -> None:
         self.session, self.provider, self.name, self.made_of = session, provider, name, made_of
-        self._one_run = Lock()  # two at once need the memory of both
 
     def run(
         self, outputs: Sequence[str] | None, inputs: Mapping[str, NDArray[Any]], *, keep: bool = False
@@ -91,8 +89,7 @@ class OnnxSession:
         names = None if outputs is None else list(outputs)
 
         def compute() -> tuple[Any, ...]:
-            with self._one_run:
-                return tuple(self.session.run(names, dict(inputs)))
+            return tuple(self.session.run(names, dict(inputs)))
 
         if not keep or not self.made_of:
             return list(compute())

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Future
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import asdict, dataclass
@@ -155,6 +154,13 @@ class ResultCache:
             return None
         return CacheKey(f"{who.interface}-{plain_name(who.backend)}-{name}{self._files.suffix}", parts)
 
+    def network_key(self, name: str, made_of: str, inputs: Mapping[str, NDArray[Any]]) -> CacheKey:
+        """Compute the cache key of the outputs of a network; see :mod:`physic_core.cache.results`."""
+        digest = Digester().digest(_VERSION, made_of, inputs)  # a separate one does not keep the inputs alive
+        return CacheKey(
+            f"network-{plain_name(name)}-{digest}{self._files.suffix}", {"interface": "network", "name": name}
+        )
+
     def read(self, key: CacheKey) -> object | None:
         """Read a cached result; None if the cache has none. Delete a file that is damaged or has another key."""
         path = self._folder / key.name
@@ -208,25 +214,17 @@ class ResultCache:
             self._written = False
 
 
-_RUN: ContextVar[tuple[ResultCache | None, dict[str, Future[Any]] | None]] = ContextVar(
-    "cache and begun runs of networks", default=(None, None)
-)
+_CACHE: ContextVar[ResultCache | None] = ContextVar("cache of network results", default=None)
 
 
 @contextmanager
-def network_results_in(cache: ResultCache | None, begun: dict[str, Future[Any]] | None = None) -> Iterator[None]:
-    """Keep outputs of networks in a cache inside the block, in this thread.
-
-    Args:
-        cache: None keeps none.
-        begun: runs of networks by the name of their cache key, empty at first. Threads that share it run no network
-            twice for equal inputs: the one that asks later gets the outputs, or the error, of the other's run.
-    """
-    token = _RUN.set((cache, begun))
+def network_results_in(cache: ResultCache | None) -> Iterator[None]:
+    """Keep outputs of networks in a cache inside the block, in this thread; None keeps none."""
+    token = _CACHE.set(cache)
     try:
         yield
     finally:
-        _RUN.reset(token)
+        _CACHE.reset(token)
 
 
 def cached_network_result(
@@ -240,36 +238,10 @@ def cached_network_result(
         inputs: of the network, by name.
         compute: runs the network.
     """
-    cache, begun = _RUN.get()
-    if cache is None and begun is None:
-        return compute()
-    key = network_key(name, made_of, inputs)
-    if begun is None:
-        return _kept(cache, key, compute)
-    own: Future[Any] = Future()
-    run = begun.setdefault(key.name, own)
-    if run is own:
-        try:
-            own.set_result(_kept(cache, key, compute))
-        except BaseException as error:  # the other thread gets it as well
-            own.set_exception(error)
-    outputs: tuple[NDArray[Any], ...] = run.result()
-    return outputs
-
-
-def network_key(name: str, made_of: str, inputs: Mapping[str, NDArray[Any]]) -> CacheKey:
-    """Compute the cache key of the outputs of a network; see :mod:`physic_core.cache.results`."""
-    digest = Digester().digest(_VERSION, made_of, inputs)  # a separate one does not keep the inputs alive
-    suffix = CACHES["results"][1]
-    return CacheKey(f"network-{plain_name(name)}-{digest}{suffix}", {"interface": "network", "name": name})
-
-
-def _kept(
-    cache: ResultCache | None, key: CacheKey, compute: Callable[[], tuple[NDArray[Any], ...]]
-) -> tuple[NDArray[Any], ...]:
-    """Return outputs from the cache, or compute and keep them."""
+    cache = _CACHE.get()
     if cache is None:
         return compute()
+    key = cache.network_key(name, made_of, inputs)
     found: Any = cache.read(key)
     if found is None:
         found = compute()

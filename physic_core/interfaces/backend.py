@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from abc import ABC, ABCMeta, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
@@ -256,18 +256,6 @@ class Backend(ABC, metaclass=_OptionsAsKeywords):
 
     def load(self, device: str = "cpu") -> None:
         """Read weights into memory on ``device`` ("cpu", "cuda", "cuda:1"); do nothing if the backend is loaded."""
-
-    def prefetch(self, image: UInt8Array) -> Sequence[Callable[[], object]]:
-        """Return runs of networks that need the photo alone, for a second thread; none if there is nothing to gain.
-
-        ``infer`` then gets their outputs from the cache of network results, where it would wait for the network. The
-        runs may call networks and functions, and must not touch the backend, which works in the first thread. Called
-        before people are found, once for each photo, of a loaded backend.
-
-        Args:
-            image: (H, W, 3) uint8 RGB, the photo with its people. It must not be changed.
-        """
-        return ()
 
     def close(self) -> None:
         """Release the weights and all other memory that ``load`` allocated."""

@@ -308,7 +308,7 @@ class _BackendCalls:
         segmenter = self.backends["segmenter"]
         takes_prompt = getattr(segmenter.backend, "takes_prompt", False)
         request = SegmenterRequest(image, prompt=prompt if takes_prompt else None)
-        people = self.stages.call_backend("people", segmenter, request, prefetch=self.backends.values())
+        people = self.stages.call_backend("people", segmenter, request)
         self.stages.note(*people.notes)
         if prompt is not None and not takes_prompt:
             from physic_core.pipeline.known_people import select_chosen

@@ -7,11 +7,10 @@ import gc
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 from physic_core import errors
 from physic_core.adapters.devices import check_device
@@ -20,7 +19,7 @@ from physic_core.configuration.resolve import resolve_one
 from physic_core.discovery.error_text import describe_error, message_of, plugin_error, traceback_text
 from physic_core.discovery.plugin_code import plugin_code
 from physic_core.errors import BackendError, BackendOutputError, PhysicError
-from physic_core.interfaces.backend import Backend, Result, call, contract_violations, interface_of
+from physic_core.interfaces.backend import Result, call, contract_violations, interface_of
 from physic_core.interfaces.checks import require_image
 from physic_core.types import StageRecord
 from physic_core.weights.lock import FileUse, recorded_uses
@@ -28,8 +27,7 @@ from physic_core.weights.lock import FileUse, recorded_uses
 if TYPE_CHECKING:
     from physic_core.cache.results import CacheKey, ResultCache
     from physic_core.configuration.resolve import ResolvedBackend
-    from physic_core.interfaces import Request
-    from physic_core.types import UInt8Array
+    from physic_core.interfaces import Backend, Request
 
 Progress = Callable[[str, int, int], None]
 """Called at the start of a stage with its name, its number from 0, and the number of stages."""
@@ -69,9 +67,6 @@ class StageRunner:
 
     def __post_init__(self) -> None:
         self._loaded = self.loaded or LoadedBackends(self.device)
-        self._second = ThreadPoolExecutor(1, "prefetch")
-        self._prefetched: list[tuple[str, Future[None]]] = []
-        self._begun: dict[str, Future[Any]] = {}
 
     def warn(self, *texts: str) -> None:
         """Add warnings, without duplicates."""
@@ -90,13 +85,7 @@ class StageRunner:
         self.records.append(StageRecord(name, time.perf_counter() - start))
 
     def call_backend(
-        self,
-        name: str,
-        resolved: ResolvedBackend,
-        request: Request[Result],
-        *,
-        last: bool = True,
-        prefetch: Iterable[ResolvedBackend] = (),
+        self, name: str, resolved: ResolvedBackend, request: Request[Result], *, last: bool = True
     ) -> Result:
         """Call a backend and check its result, or read the result from the cache.
 
@@ -105,8 +94,6 @@ class StageRunner:
             resolved: the backend; loaded at its first call.
             request: of the backend's interface.
             last: whether this is the last call of the backend in this run.
-            prefetch: backends whose networks run on the image in a second thread from now on, if this backend is
-                called.
 
         Returns:
             The checked result.
@@ -131,12 +118,9 @@ class StageRunner:
                 with wrap_plugin_errors(title, resolved):
                     loading = self._loaded.load(resolved)
                     self.files |= self._loaded.files_of(resolved)
-                for other in prefetch:
-                    self._prefetch(other, request.image)
-                with wrap_plugin_errors(title, resolved):
                     start = time.perf_counter()
                     # A copy: the backend may write to its input, and later stages get the same arrays.
-                    with network_results_in(self.cache, self._begun if self._prefetched else None):
+                    with network_results_in(self.cache):
                         result = call(resolved.backend, copy.deepcopy(request))
                 if found := find_faults(result):
                     message = f"{title} returned what the interface does not allow:\n  "
@@ -175,39 +159,14 @@ class StageRunner:
             _print_traceback(error)
             return None
 
-    def _prefetch(self, resolved: ResolvedBackend, image: UInt8Array) -> None:
-        """Run the networks of a backend on the photo in a second thread, unless memory is short."""
-        if self.low_memory or type(resolved.backend).prefetch is Backend.prefetch:
-            return
-        title = f"{resolved.title}, ahead of its stage"
-        with wrap_plugin_errors(title, resolved):
-            self._loaded.load(resolved)
-            jobs = resolved.backend.prefetch(image)
-
-        def run(job: Callable[[], object]) -> None:
-            with network_results_in(self.cache, self._begun):
-                job()
-
-        self._prefetched += [(title, self._second.submit(run, job)) for job in jobs]
-
-    def _end_prefetching(self) -> None:
-        """Wait until the second thread ends, and warn of its errors: a backend that meets one raises it earlier."""
-        self._second.shutdown(cancel_futures=True)
-        for title, run in self._prefetched:
-            if not run.cancelled() and (error := run.exception()) is not None:
-                self.warn(f"{title}: {type(error).__name__}: {' '.join(str(error).split())}; the result is complete")
-        self._begun.clear()
-
     def trim_cache(self) -> None:
-        """End the second thread, trim the cache and collect its notes; the backends stay loaded."""
-        self._end_prefetching()
+        """Trim the cache and collect its notes; the backends stay loaded."""
         if self.cache is not None:
             self.cache.trim()
             self.note(*self.cache.notes)
 
     def close(self) -> None:
         """Close all loaded backends and trim the cache; a backend that cannot be closed adds a warning."""
-        self._end_prefetching()
         self._warn_each(self._loaded.close())
         self.trim_cache()
 

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from threading import Event
-from typing import Any
 
 import numpy as np
 import pytest
@@ -78,40 +75,3 @@ def test_a_damaged_file_is_computed_again_and_noted(cache: ResultCache, tmp_path
         np.testing.assert_array_equal(network.outputs()[0], OUTPUTS[0])
     assert network.runs == 2
     assert len(cache.notes) == 1
-
-
-@pytest.mark.parametrize("kept", [True, False], ids=["with a cache", "without"])
-def test_of_two_threads_with_equal_inputs_one_runs_the_network(cache: ResultCache, kept: bool) -> None:
-    begun: dict[str, Future[Any]] = {}
-    inside, released = Event(), Event()
-    network = Network()
-
-    def slowly() -> tuple[np.ndarray, ...]:
-        inside.set()
-        released.wait()
-        return network()
-
-    def ask() -> tuple[np.ndarray, ...]:
-        with network_results_in(cache if kept else None, begun):
-            return cached_network_result("depth", "sha256 CPU", {"image": IMAGE}, slowly)
-
-    with ThreadPoolExecutor(2) as threads:
-        first = threads.submit(ask)
-        inside.wait()
-        second = threads.submit(ask)
-        released.set()
-        for asked in (first, second):
-            np.testing.assert_array_equal(asked.result()[0], OUTPUTS[0])
-    assert network.runs == 1
-
-
-def test_both_threads_get_the_error_of_a_network() -> None:
-    begun: dict[str, Future[Any]] = {}
-
-    def fail() -> tuple[np.ndarray, ...]:
-        raise MemoryError("none left")
-
-    for _ in range(2):
-        with network_results_in(None, begun), pytest.raises(MemoryError, match="none left"):
-            cached_network_result("depth", "sha256 CPU", {"image": IMAGE}, fail)
-    assert len(begun) == 1

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import signal
-import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import ClassVar
@@ -266,79 +265,3 @@ def test_a_cached_result_must_pass_the_check(
     stages.close()
     assert events == ["load a on cpu", "infer a", "load a on cpu", "infer a", "close a"]
     assert str(file) in stages.notes[0]
-
-
-class Ahead(Counting):
-    """Has two runs for the second thread, which write down where they are made; the second may fail."""
-
-    where: ClassVar[list[str]] = []
-    ended: ClassVar[threading.Event]
-
-    def prefetch(self, image):
-        self.note("prefetch")
-
-        def run() -> None:
-            self.where.append(threading.current_thread().name)
-
-        def last() -> None:
-            run()
-            self.ended.set()
-            if self.fails_in == "second thread":
-                raise ValueError("no such\nlayer")
-
-        return run, last
-
-
-class Patient(Counting):
-    """Waits for the second thread."""
-
-    def infer(self, image, hints):
-        assert Ahead.ended.wait(60)
-        return super().infer(image, hints)
-
-
-@pytest.fixture
-def where(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    monkeypatch.setattr(Ahead, "where", [])
-    monkeypatch.setattr(Ahead, "ended", threading.Event(), raising=False)
-    return Ahead.where
-
-
-def test_what_needs_the_photo_alone_runs_in_one_other_thread(events: list[str], where: list[str]):
-    stages, a, b = StageRunner("cpu", 2), Patient("a"), Ahead("b")
-    stages.call_backend("depth", resolved(a), REQUEST, prefetch=[resolved(a), resolved(b)])
-    ask(stages, b)
-    stages.close()
-    assert events == ["load a on cpu", "load b on cpu", "prefetch b", "infer a", "infer b", "close a", "close b"]
-    assert len(where) == 2
-    assert len(set(where) - {threading.current_thread().name}) == 1
-    assert not stages.warnings
-
-
-def test_nothing_runs_ahead_where_memory_is_short_or_the_result_is_known(
-    tmp_path: Path, events: list[str], where: list[str]
-):
-    for stages in (
-        StageRunner("cpu", 1, low_memory=True, cache=ResultCache(tmp_path, 10**6)),
-        StageRunner("cpu", 1, cache=ResultCache(tmp_path, 10**6)),
-    ):
-        stages.call_backend("depth", resolved(Counting()), REQUEST, prefetch=[resolved(Ahead("b"))])
-        stages.close()
-    assert events.count("infer a") == 1
-    assert not where
-
-
-def test_an_error_of_the_second_thread_that_no_backend_meets_is_a_warning(where: list[str]):
-    stages, a, b = StageRunner("cpu", 1), Patient("a"), Ahead("b", fails_in="second thread")
-    stages.call_backend("depth", resolved(a), REQUEST, prefetch=[resolved(b)])
-    stages.close()
-    (warning,) = stages.warnings
-    assert "my-dist" in warning
-    assert warning.endswith("ValueError: no such layer; the result is complete")
-
-
-def test_a_backend_that_cannot_prefetch_is_named():
-    with pytest.raises(BackendError, match=r"'b' \(my-dist 1\.0\).*ahead of its stage.*RuntimeError: no"):
-        StageRunner("cpu", 1).call_backend(
-            "depth", resolved(Counting()), REQUEST, prefetch=[resolved(Ahead("b", fails_in="prefetch"))]
-        )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -25,8 +24,6 @@ from physic_embedded.single_view.gravity import gravity_from_segments
 from physic_embedded.single_view.upright import body_planes, wall_planes
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
     from numpy.typing import NDArray
 
     from physic_core.adapters.onnx_sessions import OnnxSession
@@ -95,15 +92,6 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         if self.options.focal_from_edges:
             lines = {_LINES: open_packaged_session(_LINES, self.options.threads, device)}
         return super().build(device) | lines
-
-    def prefetch(self, image: NDArray[np.uint8]) -> Sequence[Callable[[], object]]:
-        """Return the runs for the photo's lines and for its own point map; none for networks of one thread."""
-        options = self.options
-        if options.threads == 1:
-            return ()
-        lines = (partial(detect_line_segments, self.network[_LINES], image),) if options.focal_from_edges else ()
-        short_side = min(options.short_side, options.photo_short_side)
-        return *lines, partial(predict_disparity, self.network[_DEPTH], image, short_side, options.max_tokens)
 
     def infer(self, image: NDArray[np.uint8], hints: Hints) -> Pointmap:
         """Return points whose inverse depth is known up to scale and shift, with median depth 1.

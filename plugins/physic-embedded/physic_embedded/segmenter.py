@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
@@ -25,8 +24,6 @@ from physic_embedded.segmentation.person_masks import person_mask, resolve_overl
 from physic_embedded.segmentation.unposed import count_heads, segment_unposed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
     from physic_core.types import BoolArray, PeoplePrompt, SurfaceLabels, UInt8Array
     from physic_embedded.networks.mobile_sam import ImageEmbedding
     from physic_embedded.networks.pose import Pose
@@ -84,12 +81,6 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
     options: EmbeddedSegmenterOptions
     takes_prompt: ClassVar[bool] = True
     networks = NETWORKS
-
-    def prefetch(self, image: UInt8Array) -> Sequence[Callable[[], object]]:
-        """Return the run of the mask network's encoder; none for networks of one thread."""
-        if self.options.threads == 1:
-            return ()
-        return (partial(embed_image, self.network["mobilesam_encoder"], image),)
 
     def infer(self, image: UInt8Array, prompt: PeoplePrompt | None = None) -> People:
         """Segment the people and the floor of an image (H, W, 3); people are sorted by score.
