@@ -23,7 +23,7 @@ MAX_ARRAY_BYTES = 1 << 32
 _SUFFIX = ".npy"
 _FIXED_DATE = (1980, 1, 1, 0, 0, 0)  # equal arrays make equal files
 _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
-_KINDS_OF_MEMBERS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2)
+_KINDS_OF_MEMBERS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
 
 class ObjectArrayError(ValueError):
@@ -93,17 +93,14 @@ def read_arrays(
         return {name: _array(archive, entry) for name, entry in entries.items()}
 
 
-def write_arrays(
-    path: Path | IO[bytes], arrays: Mapping[str, NDArray[Any]], *, stored: str = "", method: int = zipfile.ZIP_DEFLATED
-) -> None:
-    """Write arrays to an npz file, by default with fast compression (zlib level 1).
+def write_arrays(path: Path | IO[bytes], arrays: Mapping[str, NDArray[Any]], *, stored: str = "") -> None:
+    """Write arrays to an npz file, with fast compression (zlib level 1).
 
     Args:
         path: of the file, or a binary stream.
         arrays: by name.
         stored: the kinds of dtype (NumPy's letters) that are not compressed. Floats shrink by a tenth only, and
             compressing 11 MB of them takes 0.25 s.
-        method: of compression, as zipfile names it; bzip2 takes ten times as long for a photo, and saves a third.
 
     Raises:
         ValueError: an array holds Python objects.
@@ -113,9 +110,8 @@ def write_arrays(
         for name, array in arrays.items():
             entry = zipfile.ZipInfo(name + _SUFFIX, _FIXED_DATE)
             if array.dtype.kind not in stored:
-                entry.compress_type = method
-                if method == zipfile.ZIP_DEFLATED:
-                    entry._compresslevel = 1  # type: ignore[attr-defined]  # public only from Python 3.13 on
+                entry.compress_type = zipfile.ZIP_DEFLATED
+                entry._compresslevel = 1  # type: ignore[attr-defined]  # public only from Python 3.13 on
             with archive.open(entry, "w", force_zip64=True) as file:
                 npy.write_array(file, np.asanyarray(array), allow_pickle=False)
 
@@ -127,7 +123,7 @@ def _entries(archive: zipfile.ZipFile, names: Iterable[str] | None) -> dict[str,
         if name in found:
             raise ValueError(f"it has the array {name!r} twice")
         if entry.compress_type not in _KINDS_OF_MEMBERS:
-            raise ValueError(f"the array {name!r} is compressed by another method than deflate or bzip2")
+            raise ValueError(f"the array {name!r} is compressed by another method than deflate")
         found[name] = entry
     return found if names is None else {name: found[name] for name in names}
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import zipfile
 from collections.abc import Collection, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
@@ -238,8 +237,7 @@ def _contents(
     # BLAS would take as much processor time again, waiting.
     with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(1, "preview") as second:
         preview = second.submit(_preview, reconstruction) if PREVIEW_FILE in pictures else None
-        # bzip2 makes photos and depth a third smaller than deflate does, and numpy reads it.
-        write_arrays(stream, arrays, method=zipfile.ZIP_BZIP2)
+        write_arrays(stream, arrays)
         numbers = {ARRAYS_FILE: stream.getvalue()}
         try:
             if GLB_FILE in pictures:

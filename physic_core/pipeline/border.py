@@ -54,12 +54,16 @@ def _between_bars(rows: UInt8Array) -> tuple[int, int]:
 
 def _bar(rows: UInt8Array) -> int:
     """Return the number of rows (R, C, 3) of one colour before the straight edge of a picture; 0 without a bar."""
-    samples = rows[:, :: max(1, rows.shape[1] // _MOST_SAMPLES)].astype(np.int16)
-    outermost = samples[: math.ceil(_LEAST_BAR * len(rows))]
-    difference = np.abs(samples - np.median(outermost[0], axis=0)).max(-1)
-    tolerance = difference[: len(outermost)].max() + 1
+    samples = rows[:, :: max(1, rows.shape[1] // _MOST_SAMPLES)]
+    outermost = samples[: math.ceil(_LEAST_BAR * len(rows))].astype(np.int16)
+    color = np.median(outermost[0], axis=0)
+    tolerance = np.abs(outermost - color).max() + 1
+    if tolerance > _PLAIN:  # most photos
+        return 0
+    samples = samples.astype(np.int16)
+    difference = np.abs(samples - color).max(-1)
     stop = int(((difference > tolerance).mean(1) > _STRAY).argmax())
-    if tolerance > _PLAIN or stop < len(outermost):
+    if stop < len(outermost):
         return 0
     near = slice(stop, stop + _RINGING_PX + 1)
     steps = np.abs(samples[near] - samples[stop - 1 : near.stop - 1]).mean((1, 2))
