@@ -213,6 +213,13 @@ def export(
         list_exports(out, done.files)
     for note in done.notes:
         echo(f"note: {note}")
+    top = min((len(file.parts) for file in done.files), default=0)
+    below: dict[Path, int] = {}
     for file in done.files:
         size = file.stat().st_size
-        echo(f"{file}  ({f'{size / 1e6:.1f} MB' if size > 99_950 else f'{size / 1e3:.0f} kB'})")
+        if len(file.parts) > top:
+            below[file.parent] = below.get(file.parent, 0) + 1
+        else:
+            echo(f"{file}  ({f'{size / 1e6:.1f} MB' if size > 99_950 else f'{size / 1e3:.0f} kB'})")
+    for folder, count in below.items():
+        echo(f"{folder}/  ({count} files)")

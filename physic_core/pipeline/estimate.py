@@ -166,7 +166,9 @@ def run_backends(
     if given_keypoints is not None:
         from physic_core.pipeline.known_people import corrected_keypoints
 
-        keypoints = corrected_keypoints(keypoints, given_keypoints)
+        detected, keypoints = keypoints, corrected_keypoints(keypoints, given_keypoints)
+        moved = np.linalg.norm(keypoints.points - detected.points, axis=-1).max()
+        stages.note(f"given keypoints: {len(given_keypoints.joint)}, up to {moved:.0f} px from the detected ones")
 
     hole, objects = _removed(people, keypoints, plan, image.shape)
     inpainted = run.inpainted(image, hole)

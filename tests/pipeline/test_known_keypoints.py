@@ -43,6 +43,7 @@ def test_a_csv_file_moves_one_joint_and_leaves_the_others(tmp_path: Path, world:
     (one,), (other,) = found.people, before.people
     assert one.keypoints[LEFT_WRIST].tolist() == [40, 30.5]
     assert one.keypoint_confidence[LEFT_WRIST] == 1
+    assert any("given keypoints: 2" in note for note in found.notes)
     rest = np.arange(len(NAMES)) != LEFT_WRIST
     assert np.array_equal(one.keypoints[rest], other.keypoints[rest])
     assert np.linalg.norm(one.joints - other.joints, axis=1).max() > 0.02
