@@ -222,4 +222,4 @@ def export(
         else:
             echo(f"{file}  ({f'{size / 1e6:.1f} MB' if size > 99_950 else f'{size / 1e3:.0f} kB'})")
     for folder, count in below.items():
-        echo(f"{folder}/  ({count} files)")
+        echo(f"{folder}/  (files: {count})")
