@@ -30,8 +30,8 @@ demo: $(VENV)/demo.stamp
 	@name=$$(basename "$$PHOTO"); $(BIN)/physic run "$$PHOTO" -o "demo/$${name%.*}"
 
 # One process a core and one thread a process: the fits of the tests are too small to share. A file stays in one process,
-# with the worlds that its tests share.
-PYTEST := OMP_NUM_THREADS=1 $(BIN)/pytest -q -n $(JOBS) --dist loadfile
+# with the worlds that its tests share. conftest.py chooses the order: the files with slow tests first.
+PYTEST := OMP_NUM_THREADS=1 $(BIN)/pytest -q -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 # Chosen by facts per second: a quarter of all tests, runs of the pipeline among them.
 QUICK := $(addprefix tests/, body/test_model.py body/test_parameters.py body/test_posing.py \

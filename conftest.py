@@ -38,6 +38,12 @@ settings.register_profile("physic", deadline=None, derandomize=True, max_example
 settings.load_profile("physic")
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files with slow tests come first: whatever two processes start last has to be short."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
+
+
 @pytest.fixture(autouse=True)
 def _no_network(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fail a test that connects to another machine, or looks up its name, in this process."""
