@@ -8,7 +8,7 @@
 # make test-lowest | test-newest the tests of make quick, with the lowest and the newest versions of all dependencies
 # make audit                    known vulnerabilities of the pinned dependencies; needs pip-audit and a network
 # make sbom                     a bill of materials of this environment, in dist/physic-sbom.json (CycloneDX)
-# make docs                     the documentation as a site, in docs/_build/html/index.html; compares its pictures with results
+# make docs                     the documentation as a site, in docs/_build/html/index.html; compares its notebooks with results
 # make pictures                 pictures, their numbers and notebooks of the documentation, made again; needs Chromium
 # make export-pictures [RESULT=out] docs/pictures/export-*.png, made again; downloads Blender as a package (bpy), needs EGL
 # make lint | clean             the first part alone | remove what make made
@@ -89,7 +89,7 @@ sbom: $(VENV)/test.stamp
 # Without a network: warnings are errors, a link to nothing within the site among them.
 docs: $(VENV)/test.stamp
 	$(BIN)/python -m sphinx -W --keep-going -q -c docs/site -d docs/_build/doctrees . docs/_build/html
-	$(BIN)/python tools/docs_pictures.py --check
+	$(BIN)/python tools/run_notebooks.py --check
 
 pictures: $(VENV)/test.stamp
 	$(BIN)/python tools/docs_pictures.py

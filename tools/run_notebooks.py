@@ -12,6 +12,7 @@ import io
 import os
 import re
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -68,18 +69,19 @@ def printed(notebook: Any) -> str:
 
 def run_all(check: bool, names: list[str] | None = None) -> list[str]:
     """Run notebooks. Keep their outputs, or with ``check`` return in which lines the kept ones are wrong."""
-    os.environ["PHYSIC_CACHE"] = "off"
     wrong = []
-    for name in names or sorted(file.stem for file in FOLDER.glob("*.ipynb")):
-        path = FOLDER / f"{name}.ipynb"
-        notebook = execute(path)
-        if check:
-            found = docs_numbers.text_differences(printed(nbformat.read(path, as_version=4)), printed(notebook))
-            wrong += [f"{path.name}: {line}" for line in found]
-            print(path.name, "differs" if found else "agrees", flush=True)
-        else:
-            nbformat.write(notebook, path)
-            print(path.name, path.stat().st_size // 1024, "KB", flush=True)
+    with tempfile.TemporaryDirectory() as cache:  # empty, so that all is of the code at hand; notebooks share photos
+        os.environ["PHYSIC_CACHE"] = cache
+        for name in names or sorted(file.stem for file in FOLDER.glob("*.ipynb")):
+            path = FOLDER / f"{name}.ipynb"
+            notebook = execute(path)
+            if check:
+                found = docs_numbers.text_differences(printed(nbformat.read(path, as_version=4)), printed(notebook))
+                wrong += [f"{path.name}: {line}" for line in found]
+                print(path.name, "differs" if found else "agrees", flush=True)
+            else:
+                nbformat.write(notebook, path)
+                print(path.name, path.stat().st_size // 1024, "KB", flush=True)
     return wrong
 
 

@@ -11,10 +11,11 @@ from physic_core.types import DepthMap, Intrinsics, Plane, Reconstruction
 from physic_core.types.short_repr import ShortRepr
 
 
-def test_the_repr_of_a_reconstruction_is_one_line(reconstruction: Reconstruction, make):
+def test_the_repr_of_a_reconstruction_is_one_line_and_a_picture_in_notebooks(reconstruction: Reconstruction, make):
     assert repr(reconstruction) == "Reconstruction(2 people, 160 x 120, floor found, scale ±7 %, 2 warnings)"
     unsure = replace(make(people=1), scene=replace(reconstruction.scene, scale_sigma=None), warnings=())
     assert repr(unsure) == "Reconstruction(1 person, 160 x 120, floor found, scale of unknown error, no warnings)"
+    assert reconstruction._repr_html_().startswith('<img src="data:image/')
     empty = replace(make(people=0), scene=replace(reconstruction.scene, floor=None))
     assert "0 people, 160 x 120, no floor" in repr(empty)
 

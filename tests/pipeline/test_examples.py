@@ -1,0 +1,125 @@
+"""The offline default on the photos of examples/, with real networks; one result of each photo serves all tests."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.same_photo.changes import change
+from benchmarks.same_photo.variants import PHOTO, Variant, answer_of
+from physic_core import Pipeline, Reconstruction, load_config
+from physic_core.batch.process import batch_config
+from physic_core.body import load_body
+from physic_core.engine.contact.method import ContactMethod
+from physic_core.types import CameraTrust, Intrinsics
+from physic_testing.worlds import build_world
+
+from .consistency import consistency
+
+pytestmark = pytest.mark.slow
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+NUMBERS = Path(__file__).parents[2] / "docs" / "pictures" / "numbers"
+MIRRORED_AND_CROPPED = Variant("mirrored and cropped", mirrored=True, margin=0.02, known=True)
+
+
+@pytest.fixture(scope="module")
+def pipeline() -> Iterator[Pipeline]:
+    with Pipeline(batch_config(load_config(preset="embedded"), cache=False)) as pipeline:
+        yield pipeline
+
+
+@pytest.fixture(scope="module")
+def results(pipeline: Pipeline) -> dict[str, Reconstruction]:
+    """The results of the photos, by the names that pages give them."""
+    files = sorted(file for file in EXAMPLES.iterdir() if file.suffix in (".jpg", ".png"))
+    assert len(files) == 6
+    return {file.stem: pipeline(file) for file in files}
+
+
+@pytest.mark.parametrize("name", sorted(file.stem for file in NUMBERS.glob("*.json")))
+def test_pictures_and_pages_show_the_numbers_of_the_result(
+    results: dict[str, Reconstruction], name: str, module_at: Any
+) -> None:
+    docs: ModuleType = module_at("tools/docs_numbers.py")
+    shown = docs.read_numbers()[name]
+    if name in results:
+        result = results[name]
+    else:
+        with Pipeline("mock") as pipeline:
+            result = pipeline(build_world(shown["of"].removeprefix("world ")).image)
+    assert docs.differences(shown, docs.numbers_of(result)) == [], f"`{docs.COMMAND}` renews what is old"
+
+
+def test_people_stay_where_they_are_if_the_photo_is_mirrored_and_cropped(
+    results: dict[str, Reconstruction], pipeline: Pipeline
+) -> None:
+    changes = []
+    for result in results.values():
+        height, width = result.image.shape[:2]
+        camera = Intrinsics.from_focal(result.intrinsics.fx, width, height, trust=CameraTrust.KNOWN)
+        picture = MIRRORED_AND_CROPPED.picture(result.image)
+        other = pipeline(picture, intrinsics=MIRRORED_AND_CROPPED.camera(camera))
+        changes.append(
+            change(answer_of(result, PHOTO, width, height), answer_of(other, MIRRORED_AND_CROPPED, width, height))
+        )
+    people = [person for found in changes for person in found.people]
+    ratios = np.exp([abs(person.distance) for person in people])
+    assert [found.lost for found in changes] == [0] * 6
+    assert np.median(ratios) <= 1.02
+    assert np.percentile(ratios, 90) <= 1.2
+    assert not any(set(person.grades) == {"good", "bad"} for person in people)
+
+
+# ---- the photo with one man who stands whole, and one who is cut at the hips -----------------------------------------
+
+
+@pytest.fixture
+def result(results: dict[str, Reconstruction]) -> Reconstruction:
+    return results["basketball"]
+
+
+def whole_and_cut(result: Reconstruction) -> tuple[int, int]:
+    """The man on the left of the photo, and the one on its right."""
+    first, second = np.argsort([person.box[0] for person in result.people])
+    return int(first), int(second)
+
+
+def test_both_people_of_the_example_photo_are_found(result: Reconstruction) -> None:
+    assert len(result.people) == 2
+    whole, cut = whole_and_cut(result)
+    assert not result.people[whole].failed_checks
+    assert "legs_seen" in result.people[cut].failed_checks
+    assert result.people[whole].joints[0, 2] > result.people[cut].joints[0, 2] > 0
+
+
+def test_the_man_who_is_not_cut_off_stands_on_the_floor(result: Reconstruction) -> None:
+    whole, _ = whole_and_cut(result)
+    measured = consistency(result, load_body())[whole]
+    assert abs(measured.sole_height) < 0.03
+    assert measured.keypoint_error_share < 0.02
+    assert measured.inside_share < 0.01
+    assert abs(measured.lean_deg) < 12
+    ankles = result.people[whole].joints[7:9] @ result.scene.floor.normal + result.scene.floor.offset
+    neck = float(result.people[whole].joints[12] @ result.scene.floor.normal + result.scene.floor.offset)
+    assert neck - float(ankles.min()) > 1.0
+
+
+def test_his_soles_touch_and_his_head_does_not(result: Reconstruction) -> None:
+    whole, cut = whole_and_cut(result)
+    model = load_body()
+    contact = result.people[whole].contact
+    for side in ("left", "right"):
+        assert contact[model.contact_sets[f"{side}_sole"].numpy()].mean() > 0.5
+    head = (model.part_of_vertex == model.part_names.index("head")).numpy()
+    assert not contact[head].any()
+    legs = [i for i, name in enumerate(model.part_names) if name.endswith(("lower_leg", "foot"))]
+    unseen = np.isin(model.part_of_vertex.numpy(), legs)
+    person = result.people[cut]
+    least = ContactMethod().threshold - 1e-3  # float16
+    assert (person.contact_probability[unseen & person.contact] >= least).all()
