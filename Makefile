@@ -24,7 +24,7 @@ DISTRIBUTIONS := pyproject.toml $(wildcard contrib/*/pyproject.toml plugins/*/py
 
 # Values with blanks and quotes reach the shell as they are.
 export PHOTO
-.PHONY: demo quick test test-ray kernels fuzz mutants test-lowest test-newest audit sbom docs pictures export-pictures lint clean
+.PHONY: demo quick test test-ray kernels fuzz mutants test-lowest test-newest audit sbom docs site notebooks pictures export-pictures lint clean
 
 demo: $(VENV)/demo.stamp
 	@name=$$(basename "$$PHOTO"); $(BIN)/physic run "$$PHOTO" -o "demo/$${name%.*}"
@@ -86,9 +86,13 @@ audit: $(VENV)/test.stamp
 sbom: $(VENV)/test.stamp
 	$(BIN)/python tools/sbom.py dist/physic-sbom.json
 
+docs: site notebooks
+
 # Without a network: warnings are errors, a link to nothing within the site among them.
-docs: $(VENV)/test.stamp
+site: $(VENV)/test.stamp
 	$(BIN)/python -m sphinx -W --keep-going -q -c docs/site -d docs/_build/doctrees . docs/_build/html
+
+notebooks: $(VENV)/test.stamp
 	$(BIN)/python tools/run_notebooks.py --check
 
 pictures: $(VENV)/test.stamp
