@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
-import subprocess
 import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import hostile
 from physic_core.batch.workers import WorkerSettings, run_in_workers
+from physic_core.cli import main
 from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.discovery.error_text import PluginExit
 from physic_core.discovery.plugin_code import plugin_code
@@ -89,19 +88,13 @@ def test_a_worker_that_hangs_is_ended_and_the_others_go_on() -> None:
     assert {outcome.message for outcome in outcomes} == {"no result after 1 s; --timeout sets the limit"}
 
 
-def physic(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parent), "PHYSIC_CACHE": "off"}
-    command = [sys.executable, "-m", "physic_core", *words]
-    return subprocess.run(command, capture_output=True, text=True, env=environment, cwd=folder, check=False)
-
-
 @pytest.mark.parametrize(
     ("name", "state", "message"),
     [("Printing", "ok", ""), ("Forging", "broken", "it ended Python with code 0: physic-doctor: ")],
 )
-def test_doctor_prints_what_it_found_itself(name: str, state: str, message: str, tmp_path: Path) -> None:
-    done = physic("plugins", "doctor", f"hostile:{name}", "--json", folder=tmp_path)
+def test_doctor_prints_what_it_found_itself(name: str, state: str, message: str) -> None:
+    done = CliRunner().invoke(main, ["plugins", "doctor", f"hostile:{name}", "--json"])
     [found] = json.loads(done.stdout)
     assert found["state"] == state
     assert found["message"].startswith(message)
-    assert done.returncode == (0 if state == "ok" else 5)
+    assert done.exit_code == (0 if state == "ok" else 5)

@@ -62,7 +62,7 @@ def test_a_worker_takes_no_more_memory_than_a_photo_needs(tmp_path: Path):
     out = tmp_path / "out"
     # In a process of its own: the peak of a worker includes that of its parent before exec.
     command = [sys.executable, "-P", "-m", "physic_core", "batch", tmp_path / "photos", "-o", out, "--preset", "mock"]
-    command += ["--workers", "1"]
+    command += ["--workers", "1", "--set", "engine.joint.optimiser.steps=1"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert done.stdout.splitlines()[0] == "1 done, 1 failed (1 InputError)"
     (row,) = (row for row in read_journals(out).last.values() if row["state"] == "done")

@@ -3,52 +3,47 @@ from __future__ import annotations
 import subprocess
 import sys
 
-import pytest
-
 LIGHT = """
 import sys
 from physic_core.cli import main
-try:
-    main({arguments!r}, standalone_mode=True)
-except SystemExit as end:
-    assert end.code in {ends!r}, end.code
-heavy = {{m.partition('.')[0] for m in sys.modules}} & {banned!r}
-print("heavy:", sorted(heavy))
+for arguments in {commands!r}:
+    try:
+        main(arguments, standalone_mode=True)
+    except SystemExit as end:
+        assert end.code in {ends!r}, (arguments, end.code)
+    heavy = sorted({{m.partition('.')[0] for m in sys.modules}} & {banned!r})
+    assert not heavy, (arguments, heavy)
 """
 HEAVY = {"torch", "numpy", "scipy", "cv2", "onnxruntime", "PIL", "rich", "trimesh", "roma", "kornia"}
+PRESETS = ("best", "embedded", "light-cpu", "mock", "open-body", "paper")
 
 
-def imports(arguments: list[str], banned: set[str], ends: tuple[int, ...] = (0,)) -> str:
-    code = LIGHT.format(arguments=arguments, banned=banned, ends=ends)
+def require_light(commands: list[list[str]], banned: set[str], ends: tuple[int, ...] = (0,)) -> None:
+    """Run commands in one new process, after each of which no banned module may be imported."""
+    code = LIGHT.format(commands=commands, banned=banned, ends=ends)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout.splitlines()[-1]
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["--help"],
-        ["--version"],
-        ["plugins"],
-        ["plugins", "new", "--help"],
-        ["run", "--help"],
-        ["batch", "--help"],
-        ["compare", "--help"],
-        ["config", "show"],
-        ["config", "--help"],
-        ["bench", "accuracy", "--help"],
-    ],
-    ids=" ".join,
-)
-def test_a_command_that_looks_around_imports_nothing_heavy(arguments: list[str]):
-    assert imports(arguments, HEAVY) == "heavy: []"
+def test_commands_that_look_around_import_nothing_heavy():
+    commands = (
+        "--help",
+        "--version",
+        "plugins",
+        "plugins new --help",
+        "run --help",
+        "batch --help",
+        "compare --help",
+        "config show",
+        "config --help",
+        "bench accuracy --help",
+    )
+    require_light([command.split() for command in commands], HEAVY)
 
 
-@pytest.mark.parametrize("preset", ["best", "embedded", "light-cpu", "mock", "open-body", "paper"])
-def test_a_config_is_checked_without_torch_and_without_a_runtime(preset: str):
+def test_configs_are_checked_without_torch_and_without_a_runtime():
     # 4: weights are missing here.
-    assert imports(["config", "check", "--preset", preset], {"torch", "onnxruntime"}, (0, 4)) == "heavy: []"
+    require_light([["config", "check", "--preset", name] for name in PRESETS], {"torch", "onnxruntime"}, (0, 4))
 
 
 def test_importing_the_package_imports_nothing_heavy():
