@@ -13,6 +13,8 @@ from PIL import Image
 
 from physic_testing.worlds import build_world
 
+pytestmark = pytest.mark.slow
+
 ALWAYS = ("IPython", "cupy", "sitecustomize", "usercustomize", "pydantic_settings", "colorama", "physic_mine")
 """Names that may be tried elsewhere, if not on this machine."""
 

@@ -7,6 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import pytest
+
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "contrib" / "README.md"
 NUMBER = re.compile(r"\d+(\.\d+)?(e-\d+)?")

@@ -11,6 +11,8 @@ from physic_testing import check_backend
 from physic_testing.conformance.backend_under_test import OptionsFor
 from physic_testing.conformance.cases import SIZE
 
+pytestmark = pytest.mark.slow
+
 # Contracts do not depend on how much a network sees: small inputs, one look and one thread are enough.
 OPTIONS: dict[tuple[str, str], OptionsFor] = {
     ("segmenter", "embedded"): {"tile_fractions": [], "threads": 1},
