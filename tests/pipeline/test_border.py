@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from physic_core import reconstruct
+from physic_core import Reconstruction, reconstruct
 from physic_core.configuration.model import PhotoSettings
 from physic_core.io.photo import Photo
 from physic_core.pipeline.border import find_inside
@@ -95,11 +95,17 @@ def test_the_users_pixels_are_those_of_the_whole_photo() -> None:
     assert (camera.fx, camera.cx, camera.cy, camera.width, camera.height) == (400, 159.5, 119.5, 320, 240)
 
 
+@pytest.fixture(scope="module")
+def plain(few_steps: None) -> Reconstruction:
+    """The result of a photo without a border."""
+    return reconstruct(build_world("stand").image, "mock")
+
+
+@pytest.mark.usefixtures("few_steps")
 @pytest.mark.parametrize("name", BORDERS)
-def test_a_result_is_that_of_the_picture_inside_in_px_of_the_whole(name: str) -> None:
-    image = build_world("stand").image
-    whole, inside = with_border(image, name)
-    plain, found = reconstruct(image, "mock"), reconstruct(whole, "mock")
+def test_a_result_is_that_of_the_picture_inside_in_px_of_the_whole(plain: Reconstruction, name: str) -> None:
+    whole, inside = with_border(plain.image, name)
+    found = reconstruct(whole, "mock")
     np.testing.assert_array_equal(found.image, whole)
     assert (found.intrinsics.height, found.intrinsics.width) == found.scene.valid.shape == whole.shape[:2]
     assert not np.delete(found.scene.valid, np.r_[inside[0]], axis=0).any()

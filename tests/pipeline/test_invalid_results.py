@@ -25,7 +25,7 @@ LOST, KEPT = 0, 1
 
 @pytest.fixture(scope="module")
 def world() -> World:
-    return build_world("hug")
+    return build_world("hug", 0, (160, 120))
 
 
 @pytest.fixture(scope="module")

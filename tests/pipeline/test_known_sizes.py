@@ -36,6 +36,12 @@ def run(world: World, known: KnownSizes, *overrides: str) -> Reconstruction:
     return reconstruct(world.image, load_config(preset="mock", overrides=quick), known=known)
 
 
+@pytest.fixture(scope="module")
+def free(stand: World) -> Reconstruction:
+    """The result without any known size."""
+    return run(stand, KnownSizes())
+
+
 def stature(result: Reconstruction) -> list[float]:
     betas = np.concatenate([p.parameters.betas for p in result.people])
     return [float(s) for s in MODEL.stature(torch.from_numpy(betas).float())]
@@ -50,8 +56,10 @@ def contradictions(result: Reconstruction) -> list[str]:
 
 
 @pytest.mark.parametrize("height", [1.5, 1.95])
-def test_a_person_has_the_given_stature_and_the_scene_follows(stand: World, height: float) -> None:
-    free, held = run(stand, KnownSizes()), run(stand, KnownSizes(stature=(height,)))
+def test_a_person_has_the_given_stature_and_the_scene_follows(
+    stand: World, free: Reconstruction, height: float
+) -> None:
+    held = run(stand, KnownSizes(stature=(height,)))
     assert stature(held)[0] == pytest.approx(height, rel=0.01)
     floor, free_floor = held.scene.floor, free.scene.floor
     # Nothing else in a photo knows a length: the whole scene is as much larger.
@@ -121,8 +129,9 @@ def test_a_contradiction_beyond_three_standard_errors_is_refused(stand: World, k
         run(stand, known)
 
 
-def test_a_size_within_three_standard_errors_is_used_and_a_difference_is_a_warning(stand: World) -> None:
-    free = run(stand, KnownSizes())
+def test_a_size_within_three_standard_errors_is_used_and_a_difference_is_a_warning(
+    stand: World, free: Reconstruction
+) -> None:
     a, b = (free.scene.points[100, x] for x in (10, 150))
     height, length = float(free.scene.floor.offset), float(np.linalg.norm(a - b))
     result = run(stand, KnownSizes(camera_height=height, lengths=(replace(WIDE, metres=1.2 * length),)))

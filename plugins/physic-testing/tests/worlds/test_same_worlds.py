@@ -79,8 +79,8 @@ def _digests(environment: dict[str, str], *worlds: str) -> list[str]:
 
 
 @pytest.mark.skipif("X86_V3" not in _FOUND and "AVX2" not in _FOUND, reason="a CPU without AVX2 has no other kernels")
-@pytest.mark.parametrize("worlds", [("walk:3", "lean_on_table:1"), ("slope:2",)])
-def test_a_world_has_the_same_bits_under_all_kernels(worlds: tuple[str, ...]) -> None:
+def test_a_world_has_the_same_bits_under_all_kernels() -> None:
+    worlds = "walk:3", "lean_on_table:1", "slope:2"
     best, *others = (_digests(environment, *worlds) for environment in (_BEST, _AVX2, _PLAIN))
     assert len(best) > 50 * len(worlds)
     for other in others:
