@@ -55,6 +55,12 @@ def test_importing_the_package_imports_nothing_heavy():
     assert done.stdout.strip() == "[]"
 
 
+def test_the_pipeline_is_imported_without_torch_which_is_imported_beside_the_first_network():
+    code = "import sys, physic_core.pipeline.run, physic_core.pipeline.estimate; print('torch' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True)
+    assert done.stdout.strip() == "False"
+
+
 def test_a_run_of_the_default_preset_does_not_import_the_compiler_of_torch():
     """It takes longer than a second of processor time; roma and torch.optim import it."""
     code = (
