@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -317,6 +318,8 @@ def _reconstruct(
     def load_model() -> BodyModel:
         return load_body(plan.body_model)
 
+    # Beside the first networks: with torch and SciPy, the engine takes longer than two seconds to import.
+    threading.Thread(target=import_module, args=("physic_core.pipeline.optimise",), name="import engine").start()
     prepared = prepare_photo(photo, plan.photo, given.people, given.known)
     photo = prepared.photo
     stages.note(*photo.notes)
