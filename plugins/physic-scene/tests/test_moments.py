@@ -23,13 +23,15 @@ from physic_scene.rigid import rotation_angle_deg
 from physic_scene.verdict import checks_of_keypoints, with_checks
 from physic_testing.worlds import build_world, view_names
 
+pytestmark = pytest.mark.slow
+
 SIZE = (240, 180)
 QUIET = {name: {"options": {"noise": 0.25}} for name in INTERFACES}
 
 
 @pytest.fixture(scope="module")
 def config():
-    return load_config(preset="mock", flags={"noise": QUIET})
+    return load_config(preset="mock", flags={"noise": QUIET}, overrides=["engine.joint.optimiser.steps=10"])
 
 
 @pytest.fixture(scope="module")

@@ -12,6 +12,8 @@ from physic_core.interfaces import INTERFACES
 from physic_scene import ScenePipeline, save_scene
 from physic_testing.worlds import build_world, view_names
 
+pytestmark = pytest.mark.slow
+
 QUIET = {name: {"options": {"noise": 0.25}} for name in INTERFACES}
 MISSED = {**QUIET, "segmenter": {"options": {"noise": 0.25, "noise_seed": 4, "missed_people": 0.9}}}
 """The segmenter misses some of the four people of the world in each photo."""
@@ -20,7 +22,7 @@ NAMES = ["a.png", "b.png", "c.png"]
 
 @pytest.fixture(scope="module")
 def found():
-    config = load_config(preset="mock", flags={"noise": MISSED})
+    config = load_config(preset="mock", flags={"noise": MISSED}, overrides=["engine.joint.optimiser.steps=10"])
     worlds = [build_world(name, 3, (240, 180)) for name in view_names("group", 3)]
     with Pipeline(config) as pipeline:
         alone = [pipeline(world.image) for world in worlds]
