@@ -101,6 +101,7 @@ class Estimates(ShortRepr):
         ages: (N,) known ones, years, NaN where unknown; None if no age is known.
         scale_guess: warning that the scale of ``depth`` is a guess, or "".
         views: what other cameras show of the same people.
+        given_keypoints: (N, J), which of ``keypoints`` the user gave; None if none.
     """
 
     image: UInt8Array
@@ -124,6 +125,7 @@ class Estimates(ShortRepr):
     ages: FloatArray | None = None
     scale_guess: str = ""
     views: tuple[OtherView, ...] = ()
+    given_keypoints: BoolArray | None = None
 
 
 def run_backends(
@@ -162,13 +164,12 @@ def run_backends(
     stages.note(*notes)
     if len(people) and not sizes:
         stages.note(SIZES_OF_ADULTS)
-    keypoints = run.keypoints(image, people)
+    keypoints, changed = run.keypoints(image, people), None
     if given_keypoints is not None:
         from physic_core.pipeline.known_people import corrected_keypoints
 
-        detected, keypoints = keypoints, corrected_keypoints(keypoints, given_keypoints)
-        moved = np.linalg.norm(keypoints.points - detected.points, axis=-1).max()
-        stages.note(f"given keypoints: {len(given_keypoints.joint)}, up to {moved:.0f} px from the detected ones")
+        keypoints, changed, notes = corrected_keypoints(keypoints, given_keypoints, people)
+        stages.note(*notes)
 
     hole, objects = _removed(people, keypoints, plan, image.shape)
     inpainted = run.inpainted(image, hole)
@@ -216,6 +217,7 @@ def run_backends(
         scale_guess=found.warning if own is None and depth.scale_sigma is None else "",
         known=sizes,
         statures=known.stature,
+        given_keypoints=changed,
     )
 
 

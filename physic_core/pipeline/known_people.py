@@ -13,8 +13,10 @@ from physic_core.body.bones import rotations_from_parameters
 from physic_core.engine.sizes.stature import ADULT_YEARS, load_ages, resize_bodies
 from physic_core.errors import InputError, NoPersonError
 from physic_core.geometry.tensors import tensor
+from physic_core.metrics.matching import assign
 from physic_core.types.arrays import select_people
 from physic_core.types.known_sizes import KnownPeople
+from physic_core.types.skeletons import keypoint_in_words
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,6 +32,8 @@ _BEYOND = {
     "ankle": ("heel", "foot", "big_toe", "small_toe"),
 }
 """Parts whose points move along with a corrected joint."""
+_SAME_PX = 0.02
+"""Distance of a given keypoint from the detected one up to which they are the same: a table of keypoints is rounded."""
 _MIN_BOX_IOU = 0.3
 """Minimum overlap of a detected person's box with the user's box to be the same person."""
 _MIN_MASK_IOU = 0.5
@@ -161,31 +165,55 @@ def resize_children(bodies: Bodies, model: BodyModel, known: KnownPeople) -> tup
     return bodies_of_stature(bodies, model, statures, near), notes
 
 
-def corrected_keypoints(keypoints: Keypoints, given: GivenKeypoints) -> Keypoints:
+def corrected_keypoints(
+    keypoints: Keypoints, given: GivenKeypoints, people: People
+) -> tuple[Keypoints, BoolArray, tuple[str, ...]]:
     """Replace detected keypoints of N people by given ones, of confidence 1, the least error and no 3D point.
 
-    A hand moves with its wrist and a foot with its ankle, unless their points are given too.
+    A hand moves with its wrist and a foot with its ankle, unless their points are given too. A given point that lies
+    where the detector found it changes nothing, so that a whole table of keypoints can be edited and given.
+
+    Returns:
+        The keypoints, which of them (N, J) the user changed, and notes.
 
     Raises:
-        InputError: a given keypoint is of no person or joint of the result, or two annotations are of one person.
+        InputError: a given keypoint is of no person or joint of the result, or no annotation is of a person.
     """
     names = keypoints.joint_set.names
     columns = [_column(joint, names) for joint in given.joint]
-    people = _people_of(given, columns, keypoints)
+    rows, strangers = _people_of(given, people)
     points, confidence = np.array(keypoints.points), np.array(keypoints.confidence)
     world, sigma = (None if x is None else np.array(x) for x in (keypoints.world, keypoints.sigma))
-    own = set(zip(people, columns, strict=True))
-    for person, column, at in zip(people, columns, given.points, strict=True):
-        side, _, joint = names[column].partition("_")
+    wanted, changed = np.array(points, np.float64), np.zeros(confidence.shape, bool)
+    for number, column, at in zip(given.person, columns, given.points, strict=True):
+        if (person := rows.get(number)) is not None:
+            wanted[person, column] = at
+            is_new = confidence[person, column] == 0 or np.abs(at - points[person, column]).max() > _SAME_PX
+            changed[person, column] = is_new
+    for person, column in np.argwhere(changed):
+        at, (side, _, joint) = wanted[person, column], names[column].partition("_")
         beyond = tuple(f"{side}_{part}" for part in _BEYOND.get(joint, ()))
-        with_it = [j for j, name in enumerate(names) if beyond and name.startswith(beyond) and (person, j) not in own]
+        with_it = [j for j, name in enumerate(names) if beyond and name.startswith(beyond) and not changed[person, j]]
         points[person, with_it] += at - points[person, column]
         points[person, column], confidence[person, column] = at, 1
         if sigma is not None:
             sigma[person, column] = sigma[person].min()
         if world is not None:
             world[person, [column, *with_it]] = np.nan
-    return replace(keypoints, points=points, confidence=confidence, world=world, sigma=sigma)
+    corrected = replace(keypoints, points=points, confidence=confidence, world=world, sigma=sigma)
+    return corrected, changed, (_what_changed(keypoints, corrected, changed), *strangers)
+
+
+def _what_changed(before: Keypoints, after: Keypoints, changed: BoolArray) -> str:
+    """Return a note on how many keypoints the user changed (N, J), and on the one that moved farthest."""
+    if not changed.any():
+        return "the given keypoints are those of the detector: they change nothing"
+    moved = np.where(changed, np.linalg.norm(after.points - before.points, axis=-1), -1.0)
+    person, column = (int(i) for i in np.unravel_index(moved.argmax(), moved.shape))
+    return (
+        f"given keypoints: {changed.sum()}; the {keypoint_in_words(after.joint_set.names[column])} of person {person} "
+        f"lies {moved.max():.0f} px from the detected one{', the others less' if changed.sum() > 1 else ''}"
+    )
 
 
 def _column(joint: str, names: Sequence[str]) -> int:
@@ -198,25 +226,39 @@ def _column(joint: str, names: Sequence[str]) -> int:
     )
 
 
-def _people_of(given: GivenKeypoints, columns: list[int], keypoints: Keypoints) -> list[int]:
-    """Return the person of each given keypoint; an annotation is of the person whose same keypoints are nearest."""
-    count, numbers = len(keypoints.points), sorted(set(given.person))
+def _people_of(given: GivenKeypoints, people: People) -> tuple[dict[int, int], tuple[str, ...]]:
+    """Return number in the file -> person, and notes about annotations of nobody.
+
+    Annotations and people are matched one to one: most points of an annotation lie in the person's box, and of several
+    people the mask decides.
+    """
+    count, numbers = len(people), sorted(set(given.person))
     if given.numbered:
-        rows = {number: number for number in numbers}
-    else:
-        rows = {}
-        for number in numbers if count else ():
-            mine = [i for i, person in enumerate(given.person) if person == number]
-            off = keypoints.points[:, [columns[i] for i in mine]] - given.points[mine]
-            rows[number] = int(np.median(np.linalg.norm(off, axis=-1), axis=1).argmin())
-    if wrong := [number for number in numbers if not 0 <= rows.get(number, -1) < count]:
+        if wrong := [number for number in numbers if not 0 <= number < count]:
+            raise InputError(
+                f"keypoints are given for person {wrong[0]}, and {count} people were found: number them from 0, as in "
+                "people.csv"
+            )
+        return {number: number for number in numbers}, ()
+    in_box, in_mask = np.zeros((2, len(numbers), count))
+    height, width = people.masks.shape[1:]
+    x0, y0, x1, y1 = np.asarray(people.boxes, np.float64).reshape(-1, 4).T
+    for row, number in enumerate(numbers):
+        points = given.points[np.array(given.person) == number]
+        x, y = points.T[..., None]
+        in_box[row] = ((x0 - 0.5 <= x) & (x < x1 - 0.5) & (y0 - 0.5 <= y) & (y < y1 - 0.5)).mean(0)
+        columns, lines = np.rint(points).astype(int).clip(0, np.array([width, height]) - 1).T
+        in_mask[row] = people.masks[:, lines, columns].mean(1)
+    matched = assign(-(in_box + in_mask), in_box > 0.5)
+    rows = {numbers[row]: int(person) for row, person in zip(matched.predicted, matched.truth, strict=True)}
+    if not rows:
         raise InputError(
-            f"keypoints are given for person {wrong[0]}, and {count} people were found: number them from 0, as in "
-            "people.csv"
+            f"the given keypoints are of none of the {count} people who were found: most points of an annotation lie "
+            "in the box of its person; are they px of another picture?"
         )
-    if len(set(rows.values())) < len(rows):
-        raise InputError("the keypoints of two annotations belong to the same person: keep one of them")
-    return [rows[number] for number in given.person]
+    lost = [str(numbers[row]) for row in matched.false_alarms]
+    note = f"left out the given keypoints of annotation {', '.join(lost)} (counted from 0): no person was found there"
+    return rows, (note,) if lost else ()
 
 
 def select_chosen(people: People, prompt: PeoplePrompt) -> People:

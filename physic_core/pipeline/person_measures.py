@@ -6,8 +6,9 @@ OpenCV camera frame, metres. Silhouettes are drawn at a reduced size, so that a 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import torch
 import torch.nn.functional as F
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
     from physic_core.engine.contact.problem import ContactResult
     from physic_core.engine.joint.problem import JointProblem, JointResult
+    from physic_core.pipeline.estimate import Estimates
     from physic_core.types import Support
 
 _FACING_DEG = 70.0  # degrees; vertices beyond lie at the rim, where one pixel of the mask decides
@@ -73,6 +75,32 @@ def measure_people(problem: JointProblem, result: JointResult, found: ContactRes
             "depth_ratio": ratios[i],
         }
     return measured
+
+
+def measure_given_keypoints(problem: JointProblem, result: JointResult, estimates: Estimates) -> list[dict[str, Any]]:
+    """Measure how far the keypoints that the user gave lie from those of the bodies.
+
+    Returns:
+        Per person "given_keypoints_px": name of a given keypoint -> distance, px; and "stature_px", that of the
+        standing person at the same depth. An empty mapping for people of whom none is given.
+    """
+    given = estimates.given_keypoints
+    if given is None:
+        return [{} for _ in range(len(problem))]
+    given, names = given[:, estimates.keypoints.joint_set.fitted], problem.skeleton.names
+    regressor = problem.model.regressor(problem.skeleton)
+    points = regressor(result.joints, result.vertices[:, regressor.vertex_ids])
+    off = torch.linalg.vector_norm(project(points, problem.K) - problem.keypoints, dim=-1)
+    stature = problem.K[1, 1] * problem.model.stature(result.betas) / result.joints[:, 0, 2]
+    return [
+        {
+            "given_keypoints_px": {names[j]: float(off[i, j]) for j in np.flatnonzero(own)},
+            "stature_px": float(stature[i]),
+        }
+        if own.any()
+        else {}
+        for i, own in enumerate(given)
+    ]
 
 
 def _missing_seat(support: Support, found: ContactResult, person: int) -> float | None:

@@ -14,7 +14,7 @@ from physic_core.body.joints import NUM_JOINTS
 from physic_core.engine.contact.partner import DECIMALS
 from physic_core.engine.scene.solve import alignment_diagnostics
 from physic_core.engine.sizes.stature import size_sigmas
-from physic_core.pipeline.person_measures import measure_people
+from physic_core.pipeline.person_measures import measure_given_keypoints, measure_people
 from physic_core.types import NO_PARTNER, BodyParameters, CameraTrust, Intrinsics, Plane, Scene
 from physic_core.types.short_repr import ShortRepr
 
@@ -96,9 +96,13 @@ def assemble_solution(
     stature, years = (unknown if x is None else x for x in (estimates.statures, estimates.ages))
     sizes = size_sigmas(stature, years, sigma if problem.views or placed.size_ratio is not None else None)
     people = tuple(
-        {**{f"placement_{k}": v for k, v in start.items()}, **measures, "size_sigma": size}
-        for start, measures, size in zip(
-            placed.placement.diagnostics, measure_people(problem, result, touch), sizes.tolist(), strict=True
+        {**{f"placement_{k}": v for k, v in start.items()}, **measures, "size_sigma": size, **given}
+        for start, measures, size, given in zip(
+            placed.placement.diagnostics,
+            measure_people(problem, result, touch),
+            sizes.tolist(),
+            measure_given_keypoints(problem, result, estimates),
+            strict=True,
         )
     )
     return Solution(

@@ -151,6 +151,11 @@ def is_finger(name: str) -> bool:
     return finger.startswith(_FINGERS) and (finger[-1].isdigit() or finger.endswith("_tip"))
 
 
+def keypoint_in_words(name: str) -> str:
+    """Return the name of a point for messages: "left_eye_surface" is the "left eye"."""
+    return name.removesuffix("_surface").replace("_", " ")
+
+
 def skeleton_named(skeleton: Skeleton | str) -> Skeleton:
     """Return the standard skeleton with a name; a Skeleton is returned unchanged.
 

@@ -124,7 +124,7 @@ def failing(**changes: Any) -> list[tuple[str, int | None]]:
 
 def test_nothing_fails_where_all_is_well() -> None:
     found = run_checks(*case())
-    assert [d.name for d in found] == [name for name in CHECKS if name != "given_size"]
+    assert [d.name for d in found] == [name for name, check in CHECKS.items() if not check.optional]
     assert not any(d.failed for d in found)
     assert [d.person for d in found] == [None if CHECKS[d.name].of == "photo" else 0 for d in found]
     assert failed_checks(found, 0) == ()
@@ -358,6 +358,22 @@ def test_a_given_size_that_the_photo_contradicts_makes_a_person_doubtful(
     others = tuple(d for d in run_checks(*case()) if d.person == 0 and not d.failed and d.ok)
     grade = grade_person((*others, found), 0)
     assert grade is (Grade.DOUBTFUL if sigmas > 3 else Grade.GOOD)
+
+
+@pytest.mark.parametrize(
+    ("far", "message"),
+    [
+        (124.0, "the given right wrist lies 124 px from where the rest of the photo puts it: "),
+        (24.0, "Given keypoints off the body: 4.80 sigma (limit 5 sigma)"),
+    ],
+)
+def test_a_given_keypoint_that_the_body_misses_makes_a_person_doubtful(far: float, message: str) -> None:
+    report = {"given_keypoints_px": {"nose": 9.0, "right_wrist": far}, "stature_px": 500.0}
+    found = next(d for d in run_checks(*case(report=report)) if d.name == "given_keypoints")
+    assert found.message.startswith(message)
+    others = tuple(d for d in run_checks(*case()) if d.person == 0 and not d.failed and d.ok)
+    assert grade_person((*others, found), 0) is (Grade.DOUBTFUL if far > 25 else Grade.GOOD)
+    assert bool(warning_messages([found])) == (far > 25)
 
 
 def test_a_person_lists_what_failed_and_what_is_unknown() -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -11,8 +13,11 @@ import pytest
 from physic_core import InputError, reconstruct
 from physic_core.io.keypoint_file import read_keypoints
 from physic_core.pipeline.known_people import corrected_keypoints
-from physic_core.types import SKELETONS, Keypoints
-from physic_testing.worlds import World, build_world
+from physic_core.types import SKELETONS, Keypoints, People
+from physic_testing.worlds import World
+
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
@@ -49,18 +54,72 @@ def test_a_csv_file_moves_one_joint_and_leaves_the_others(tmp_path: Path, world:
     assert np.linalg.norm(one.joints - other.joints, axis=1).max() > 0.02
 
 
-def test_annotations_of_coco_are_matched_to_people_by_their_keypoints(tmp_path: Path) -> None:
-    world = build_world("child_by_the_hand", 1, (160, 120))
-    before = detected(world, tmp_path)
-    last = before.people[-1]
-    shown = np.concatenate([last.keypoints + 1, np.full((17, 1), 2.0)], 1)
-    shown[LEFT_ELBOW] = 0
-    annotation = {"image_id": 7, "category_id": 1, "keypoints": shown.ravel().tolist()}
-    (tmp_path / "coco.json").write_text(json.dumps({"annotations": [annotation]}))
-    found = run(world, tmp_path / "coco.json").people[-1].keypoints
+def test_a_wrist_that_no_arm_reaches_is_contradicted_by_the_photo(tmp_path: Path, world: World) -> None:
+    found = run(world, written(tmp_path, "person,joint,x,y\n0,left_wrist,2,110\n"))
+    (warning,) = (text for text in found.warnings if "given" in text)
+    assert warning.startswith("person 0: the given left wrist lies ")
+    assert "given_keypoints" in found.people[0].failed_checks
+
+
+def annotation(points: np.ndarray, hidden: int | None = None) -> dict[str, Any]:
+    """An annotation of COCO with 17 points (17, 2), of which one is not marked."""
+    shown = np.concatenate([points, np.full((17, 1), 2.0)], 1)
+    if hidden is not None:
+        shown[hidden] = 0
+    return {"image_id": 7, "category_id": 1, "keypoints": shown.ravel().tolist()}
+
+
+def two_people() -> tuple[Keypoints, People]:
+    """A person in the left half of a picture, and one behind them, whose box is larger and whose mask is smaller."""
+    points = np.random.default_rng(0).uniform((10, 10), (60, 110), (17, 2))
+    points = np.stack([points, np.random.default_rng(1).uniform((5, 5), (150, 115), (17, 2))])
+    masks = np.zeros((2, 120, 160), bool)
+    masks[0, :, :70], masks[1, :, 70:] = True, True
+    boxes = np.array([[0, 0, 70, 120], [0, 0, 160, 120]], float)
+    return Keypoints(points, np.full((2, 17), 0.9), "coco17"), People(masks, boxes, np.ones(2))
+
+
+def corrected(folder: Path, annotations: list[dict[str, Any]]) -> tuple[Keypoints, BoolArray, tuple[str, ...]]:
+    keypoints, people = two_people()
+    file = written(folder, json.dumps({"annotations": annotations}), "coco.json")
+    return corrected_keypoints(keypoints, read_keypoints(str(file), 160, 120), people)
+
+
+def test_an_annotation_is_of_the_person_whose_box_and_mask_hold_its_points(tmp_path: Path) -> None:
+    before, _ = two_people()
+    shown = before.points[1] + 1
+    after, changed, notes = corrected(tmp_path, [annotation(shown, LEFT_ELBOW), annotation(before.points[0] + 2)])
+    assert changed.sum(1).tolist() == [17, 16]
+    assert after.points[0] == pytest.approx(before.points[0] + 2)
     given = np.arange(17) != LEFT_ELBOW
-    assert found[given] == pytest.approx(shown[given, :2])
-    assert found[LEFT_ELBOW] == pytest.approx(last.keypoints[LEFT_ELBOW])
+    assert after.points[1, given] == pytest.approx(shown[given])
+    assert after.points[1, LEFT_ELBOW] == pytest.approx(before.points[1, LEFT_ELBOW])
+    assert len(notes) == 1
+
+
+def test_an_annotation_of_a_person_who_was_not_found_is_left_out_with_a_note(tmp_path: Path) -> None:
+    before, _ = two_people()
+    three = [annotation(points + 1) for points in (*before.points, before.points[0] + 5)]
+    _, changed, notes = corrected(tmp_path, three)
+    assert changed.all()
+    assert "annotation 2" in notes[-1]
+
+
+def test_annotations_that_are_of_nobody_are_refused(tmp_path: Path) -> None:
+    keypoints, people = two_people()
+    file = written(tmp_path, json.dumps([annotation(np.full((17, 2), 3.0))]), "coco.json")
+    people = replace(people, boxes=people.boxes + np.array([80, 0, 0, 0]))
+    with pytest.raises(InputError, match="none of the 2 people"):
+        corrected_keypoints(keypoints, read_keypoints(str(file), 160, 120), people)
+
+
+def test_keypoints_that_are_given_as_they_were_detected_change_nothing(tmp_path: Path) -> None:
+    before, _ = two_people()
+    after, changed, (note,) = corrected(tmp_path, [annotation(before.points[0].round(2))])
+    assert not changed.any()
+    assert np.array_equal(after.points, before.points)
+    assert np.array_equal(after.confidence, before.confidence)
+    assert "nothing" in note
 
 
 @pytest.mark.parametrize(
@@ -96,7 +155,8 @@ def test_a_corrected_joint_loses_its_3d_point_and_takes_its_hand_along(tmp_path:
     points = np.arange(2 * 33 * 2, dtype=float).reshape(2, 33, 2)
     before = Keypoints(points, np.full((2, 33), 0.5), "blazepose33", np.zeros((2, 33, 3)))
     file = written(tmp_path, "person,joint,x,y\n1,left_wrist,7,8\n1,left_eye,3,4\n")
-    after = corrected_keypoints(before, read_keypoints(str(file), 160, 120))
+    after, changed, _ = corrected_keypoints(before, read_keypoints(str(file), 160, 120), two_people()[1])
+    assert [names[column] for column in np.flatnonzero(changed[1])] == ["left_eye_surface", "left_wrist"]
     moved = {name for row, name in enumerate(names) if (after.points[1, row] != points[1, row]).any()}
     assert moved == {"left_wrist", "left_pinky1", "left_index1", "left_thumb2", "left_eye_surface"}
     assert after.world is not None

@@ -13,10 +13,11 @@ import numpy as np
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.body.posture import lean_deg, standing_legs
+from physic_core.engine.joint.terms.picture import ReprojectionSettings
 from physic_core.pipeline.checks.photo import NO_FLOOR, relative_difference
 from physic_core.pipeline.checks.spec import YES, check
 from physic_core.types import skeleton_named
-from physic_core.types.skeletons import SIDES
+from physic_core.types.skeletons import SIDES, keypoint_in_words
 
 if TYPE_CHECKING:
     from physic_core.pipeline.checks.spec import Measured
@@ -291,6 +292,29 @@ def given_size(estimates: Estimates, solution: Solution, person: int) -> Measure
     origin = "was given" if stature is not None and math.isfinite(stature) else f"is usual at {age:g} years"
     return report["stature_sigmas"], (
         f"the photo shows {shown:.2f} m, and {given:.2f} m {origin}: check the ages and statures that you gave"
+    )
+
+
+# In sigmas of the joint fit, and beyond as many as it takes for an outlier. Of 1581 limb joints of 147 people graded
+# good, whose keypoints were detected, none is farther off than 4.
+@_check(
+    "Given keypoints off the body",
+    at_most=ReprojectionSettings.outlier_sigmas,
+    unit="sigma",
+    weak=True,
+    warns=True,
+    optional=True,
+)
+def given_keypoints(estimates: Estimates, solution: Solution, person: int) -> Measured:
+    """Return by how many standard deviations the body misses the worst of the keypoints that the user gave."""
+    report = solution.people[person]
+    off = report.get("given_keypoints_px")
+    if not off:
+        return None
+    worst = max(off, key=off.__getitem__)
+    return off[worst] / (ReprojectionSettings.sigma * report["stature_px"]), (
+        f"the given {keypoint_in_words(worst)} lies {off[worst]:.0f} px from where the rest of the photo puts it: "
+        "check the keypoints that you gave"
     )
 
 
