@@ -211,7 +211,8 @@ class Pipeline:
                 for name, resolved in plan.backends.items():
                     if resolved is not self._plan.backends[name]:
                         self._loaded.close(resolved)
-            return replace(found, photo=photo.digest)
+            width, height = photo.file_size or photo.image.shape[1::-1]
+            return replace(found, photo=photo.digest, file_size=(width, height))
 
     def _plan_with(self, settings: Mapping[str, Any] | None) -> ResolvedPipeline:
         """Return the plan with other values in the table ``[photo]``, and backends that read its files."""

@@ -168,6 +168,7 @@ class Reconstruction(ShortRepr):
         lens: camera of the photo file, if it has lens distortion, which ``image`` has not;
             ``lens.file_pixels(pixels, intrinsics)`` maps back. None without distortion.
         contact_partners: everything that people touch; ``Person.contact_partner`` has indices into it.
+        file_size: width and height of the upright photo file, px; None if unknown.
     """
 
     image: UInt8Array = field(metadata=shape("H", "W", 3))
@@ -188,6 +189,7 @@ class Reconstruction(ShortRepr):
     lens: Lens | None = None
     unposed: tuple[UnposedPerson, ...] = ()
     contact_partners: tuple[ContactPartner, ...] = ()
+    file_size: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
         people = tuple(replace(p, faces=self.faces) if p.faces is None else p for p in self.people)
@@ -207,6 +209,15 @@ class Reconstruction(ShortRepr):
         own = (person.stature_sigma for person in self.people)
         known = ([sigma for sigma in (one, self.scene.scale_sigma) if sigma is not None] for one in own)
         return tuple(math.hypot(max(sigmas), self._focal_sigma) if sigmas else None for sigmas in known)
+
+    def file_pixels(self, pixels: FloatArray) -> FloatArray:
+        """Return the pixels (..., 2) of the upright photo file that show the same as pixels of ``image``."""
+        import numpy as np
+
+        if self.lens is not None:
+            return self.lens.file_pixels(pixels, self.intrinsics)
+        size = self.image.shape[1::-1]
+        return (np.asarray(pixels, np.float64) + 0.5) * np.divide(self.file_size or size, size) - 0.5
 
     @property
     def _focal_sigma(self) -> float:

@@ -59,6 +59,15 @@ def physic_exporters() -> list[ExporterRecord]:
             options=_NAMES | _SKIN | _TEXTURES,
         ),
         ExporterRecord(
+            "keypoints",
+            (".csv",),
+            "physic_export.keypoints:export_keypoints",
+            "physic run --keypoints, pandas",
+            "2D keypoints of people, px of the photo file",
+            ups=("camera",),
+            bodies="required",
+        ),
+        ExporterRecord(
             "mjcf",
             (".xml", ".mjcf"),
             "physic_export.mjcf:export_mjcf",
