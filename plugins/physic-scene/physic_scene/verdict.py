@@ -126,9 +126,10 @@ def checks_of_cameras(views: Sequence[SolvedView], rows: IntArray) -> Iterator[C
 
 
 def _check(photo: str, name: str, value: float | None, advice: str, unmeasured: str = "") -> CheckResult:
-    """Return a value beside its bound, with the name of its photo."""
+    """Return a value beside its bound, with the name of its photo; the message of a failure has both."""
     spec = replace(_CHECKS[name], label=f"{_CHECKS[name].label} in {photo}")
-    return spec.compare((value, unmeasured if value is None else advice))
+    found = spec.compare((value, unmeasured if value is None else advice))
+    return replace(found, message=f"{advice} ({found.value_text}, {found.bound_text})") if found.failed else found
 
 
 def _costs(views: Sequence[SolvedView], rows: IntArray) -> Mapping[tuple[int, int], float]:
