@@ -23,9 +23,13 @@ def plugins(ctx: click.Context, interface: str | None) -> None:
 
 @plugins.command("show")
 @click.argument("name")
-def show_plugin(name: str) -> None:
+@click.option("--interface", metavar="NAME", help="Only the backend of this interface.")
+def show_plugin(name: str, interface: str | None) -> None:
     """Show the options, licence and source of the backends called NAME."""
     from physic_core.cli.listing import describe_backend
-    from physic_core.discovery.backends import find_by_name
+    from physic_core.discovery.backends import find_backend, find_by_name
 
-    echo("\n\n".join(describe_backend(offer) for offer in find_by_name(with_current_folder(name))))
+    require_interface(interface)
+    name = with_current_folder(name)
+    found = find_by_name(name) if interface is None else (find_backend(interface, name),)
+    echo("\n\n".join(describe_backend(offer) for offer in found))

@@ -104,6 +104,8 @@ ENTRIES = "\n".join(
         (("plugins",), 0),
         (("plugins", "show", "odder"), 2),
         (("plugins", "--interface", "odd"), 2),
+        (("plugins", "show", "mock", "--interface", "inpainter"), 0),
+        (("plugins", "show", "mock", "--interface", "inpaint"), 2),
         (("plugins", "doctor", "lacking"), 0),
         (("plugins", "doctor", "odd"), 5),
         (("plugins", "check", "odder"), 2),

@@ -143,6 +143,7 @@ def test_two_distributions_may_offer_one_name_and_the_user_chooses(site):
     [
         (None, "telae", ("installed: ", "Did you mean 'telea'?", sys.executable)),
         ("physic-mock", "telea", ("PHYSIC_PLUGINS='physic-mock' hides", "`pip install -e plugins/physic-opencv`")),
+        (None, "my-inpainter", ("pip install -e",)),
         (None, "wilor", ("'wilor' is the name of a hand_estimator",)),
         (None, "physic-embedded:telea", ("'telea' comes from physic-opencv",)),
         ("physic-mock", "physic-embedded:embedded", ("`pip install -e plugins/physic-embedded`",)),

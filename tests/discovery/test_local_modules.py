@@ -96,7 +96,7 @@ def test_the_resolved_config_holds_from_anywhere(tmp_path: Path, monkeypatch: py
     "command",
     [
         ("config", "check", "--preset", "mock", "--set", "metric_depth.backend=own_depth:MyDepth"),
-        ("plugins", "show", "own_depth:MyDepth"),
+        ("plugins", "show", "own_depth:MyDepth", "--interface", "metric_depth"),
         ("plugins", "doctor", "own_depth:MyDepth"),
     ],
     ids=lambda command: command[1],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from typing import Any
 
@@ -9,7 +10,7 @@ import click
 
 from physic_core.cli.arguments import require_interface, with_current_folder
 from physic_core.cli.exit_codes import BACKEND, WEIGHTS
-from physic_core.cli.output import echo, echo_json
+from physic_core.cli.output import echo, echo_json, show_progress
 
 _DEVICE = click.option("--device", default="cpu", show_default=True, metavar="NAME", help="cpu, cuda or cuda:N.")
 
@@ -30,16 +31,20 @@ def check(
     4 if the backend could not be tried because something is missing on this machine.
     """
     from physic_core.discovery.backends import find_backend, find_by_name
-    from physic_testing.conformance import check_backend
+    from physic_testing.conformance import check_backend, checks_for
 
     require_interface(interface)
     name, given = with_current_folder(name), _values(options) or None
     interfaces = [interface] if interface is not None else list(dict.fromkeys(o.interface for o in find_by_name(name)))
     for own in interfaces:
         find_backend(own, name)  # raises an error before the checks of the other interfaces start, which take minutes
+    if not as_json:
+        count = sum(len(checks_for(own)) for own in interfaces)
+        echo(f"{count} checks of {', '.join(interfaces)}; a network takes about a minute", err=True)
     reports = []
     for own in interfaces:
-        reports.append(check_backend(name, own, options=given, device=device))
+        with show_progress(as_json or not sys.stderr.isatty()) as progress:
+            reports.append(check_backend(name, own, options=given, device=device, progress=progress))
         if not as_json:
             echo(reports[-1].text + "\n")
     if as_json:

@@ -99,6 +99,7 @@ def check_backend(
     expected_failures: Mapping[str, str] | None = None,
     device: str = "cpu",
     size: tuple[int, int] = SIZE,
+    progress: Callable[[str, int, int], None] | None = None,
 ) -> Report:
     """Run the conformance checks of a backend on photos of worlds and return the report.
 
@@ -113,6 +114,7 @@ def check_backend(
         expected_failures: name of a check -> why it is expected to fail; if it passes, it counts as a failure.
         device: device on which the backend is loaded.
         size: width and height of the standard photos, px.
+        progress: called before each check with its name, the number of checks before it, and that of all.
 
     Raises:
         BackendError: the backend does not exist.
@@ -125,7 +127,7 @@ def check_backend(
         "device": device,
         "size": size,
     }
-    return start_checks(find_backend(backend, interface, **settings), expected_failures).report()
+    return start_checks(find_backend(backend, interface, **settings), expected_failures).report(progress)
 
 
 def start_checks(subject: BackendUnderTest, expected_failures: Mapping[str, str] | None = None) -> CheckRun:

@@ -142,7 +142,7 @@ class Report:
         blocks = [text for r in (*self.failures, *self.warnings) for text in (r.message, r.traceback) if text]
         if self.accuracy:
             numbers = ", ".join(f"{name} {value:.3g}" for name, value in self.accuracy.items())
-            blocks.append(f"accuracy on worlds (not judged): {numbers}")
+            blocks.append(f"mean errors on synthetic photos, which no check judges: {numbers}")
         blocks += [f"{r.check} could not tell: {', '.join(r.unseen)}" for r in self.results if r.unseen]
         return "\n".join([*blocks, self.summary, self.verdict])
 

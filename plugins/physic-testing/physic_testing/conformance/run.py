@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
@@ -54,22 +54,30 @@ class CheckRun:
         form = self.result("returns_valid_output")
         return form.reason if form.outcome == "skipped" else ""
 
-    def report(self) -> Report:
-        """Run the remaining checks, close the backend and return the report."""
-        results = tuple(self.result(name) for name in self.checks)
+    def report(self, progress: Callable[[str, int, int], None] | None = None) -> Report:
+        """Run the remaining checks, close the backend and return the report.
+
+        Args:
+            progress: called before each check with its name, the number of checks before it, and that of all.
+        """
+        results = []
+        for done, name in enumerate(self.checks):
+            if progress is not None:
+                progress(name.replace("_", " "), done, len(self.checks))
+            results.append(self.result(name))
         accuracy = mean_accuracy(self.subject)
         self.subject.close()
         subject = self.subject
         origin = "passed directly" if subject.claim is None else subject.claim.owner
-        return Report(subject.interface, subject.name, origin, results, accuracy)
+        return Report(subject.interface, subject.name, origin, tuple(results), accuracy)
 
     def _run_check(self, check: Check) -> Result:
         """Run one check, or skip it because of a capability or an earlier failure."""
         name, capabilities = check.name, self.subject.capabilities
         for word in sorted(check.unless & capabilities):
-            return Result(name, "skipped", reason=word)
+            return Result(name, "skipped", reason=f"the backend declares '{word}'")
         for word in sorted(check.only_with - capabilities):
-            return Result(name, "skipped", reason=f"not {word}")
+            return Result(name, "skipped", reason=f"the backend does not declare '{word}'")
         for other in check.after:
             found = self.result(other)
             if found.outcome in ("failed", "xfailed"):

@@ -66,7 +66,7 @@ def test_a_backend_that_is_wrong_about_the_scale_alone_is_judged_by_its_mean():
 
 def test_noise_makes_no_perfect_network():
     noisy = find_backend(mocks.MockMetricDepth, None, size=SIZE, options={"noise": 1})
-    assert start_checks(noisy).result("is_exact").reason == "not exact"
+    assert start_checks(noisy).result("is_exact").reason.count("'exact'")
 
 
 def test_limits_of_a_declared_backend_are_its_own():

@@ -142,8 +142,8 @@ def test_a_backend_may_bring_the_options_that_it_needs():
 
 def test_capabilities_choose_checks():
     report = check_backend(Stochastic, size=SIZE)
-    assert outcome(report, "is_deterministic").reason == "stochastic"
-    assert outcome(report, "keeps_no_state_between_photos").reason == "stochastic"
+    assert outcome(report, "is_deterministic").reason.count("stochastic")
+    assert outcome(report, "keeps_no_state_between_photos").reason.count("stochastic")
     assert report.ok
     again = check_backend(Stochastic, size=SIZE, capabilities=())
     assert outcome(again, "is_deterministic").outcome == "passed"
