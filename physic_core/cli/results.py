@@ -80,7 +80,7 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
 @click.command()
 @click.argument("results", metavar="OUT...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("-o", "--out", type=click.Path(path_type=Path), help="Write the page of one result to this file.")
-@click.option("--title", metavar="TEXT", default="", help="Title of the page.  [default: name of the folder]")
+@click.option("--title", metavar="TEXT", default="", help="Title of the page.  [default: name of the photo]")
 @click.option("--each", is_flag=True, help="In a folder of results, also write a page for each one.")
 def report(results: tuple[Path, ...], out: Path | None, title: str, each: bool) -> None:
     """Write report.html of each result OUT: scene, people, contact and numbers in one file for a browser.
@@ -113,7 +113,8 @@ def _write(folder: Path, out: Path | None, title: str, each: bool) -> None:
     if out is not None:
         from physic_core.io.results import load_reconstruction
 
-        echo(f"wrote {save_report(load_reconstruction(folder), out, title or folder.resolve().name)}")
+        result = load_reconstruction(folder)
+        echo(f"wrote {save_report(result, out, title or result.photo_name or folder.resolve().name)}")
     elif is_result(folder):
         echo(f"wrote {add_report(folder, title=title)}")
     else:

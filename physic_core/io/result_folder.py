@@ -316,7 +316,7 @@ def add_report(folder: str | os.PathLike[str], reconstruction: Reconstruction | 
     Args:
         folder: of a finished run.
         reconstruction: its result; loaded if None.
-        title: of the page; by default the name of the folder.
+        title: of the page; by default the name of the photo, or of the folder if that is not known.
 
     Raises:
         InputError: there is no result in the folder, or its files are damaged.
@@ -326,7 +326,6 @@ def add_report(folder: str | os.PathLike[str], reconstruction: Reconstruction | 
     from physic_core.visual.report import PAGE_MARK, report_html
 
     folder = Path(folder)
-    title = title or folder.resolve().name
     if not is_result(folder):
         raise InputError(f"no result in {folder}: name the folder of a finished run, or a folder of such folders")
     check_own(folder / REPORT_FILE, mark=PAGE_MARK)
@@ -337,8 +336,9 @@ def add_report(folder: str | os.PathLike[str], reconstruction: Reconstruction | 
 
             shown = load_reconstruction(folder)
     except InputError as error:
-        add_result_file(folder, REPORT_FILE, report_html(error, title).encode())
+        add_result_file(folder, REPORT_FILE, report_html(error, title or folder.resolve().name).encode())
         raise
+    title = title or shown.photo_name or folder.resolve().name
     add_result_file(folder, REPORT_FILE, report_html(shown, title).encode())
     return folder / REPORT_FILE
 

@@ -196,8 +196,8 @@ class Pipeline:
         close: bool = False,
     ) -> Reconstruction:
         """Reconstruct a photo; with ``close``, close each backend after its last use, which frees its memory."""
-        camera, plan, name = given.camera(), self._plan_with(settings), photo_path_for_messages(source)
-        with self._exclusive(), _naming(name):
+        camera, plan, path = given.camera(), self._plan_with(settings), photo_path_for_messages(source)
+        with self._exclusive(), _naming(path):
             with limited_memory(self.config.run.device):
                 photo = read_photo(source)
             if camera is not None and (camera.width, camera.height) == photo.file_size:
@@ -212,7 +212,7 @@ class Pipeline:
                     if resolved is not self._plan.backends[name]:
                         self._loaded.close(resolved)
             width, height = photo.file_size or photo.image.shape[1::-1]
-            return replace(found, photo=photo.digest, file_size=(width, height))
+            return replace(found, photo=photo.digest, photo_name=Path(path).name, file_size=(width, height))
 
     def _plan_with(self, settings: Mapping[str, Any] | None) -> ResolvedPipeline:
         """Return the plan with other values in the table ``[photo]``, and backends that read its files."""

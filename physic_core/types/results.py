@@ -164,6 +164,7 @@ class Reconstruction(ShortRepr):
         grade: how far the result can be trusted: the worst of the grades of its main people, who are at least half as
             large in the photo as the largest one, and of the photo's own checks. None without grades.
         photo: digest of the photo file, or of the pixels of a photo without a file.
+        photo_name: name of the photo file, without its folder; empty for a photo without a file.
         unposed: person-like boxes for which no body could be given; they are not in ``people``.
         lens: camera of the photo file, if it has lens distortion, which ``image`` has not;
             ``lens.file_pixels(pixels, intrinsics)`` maps back. None without distortion.
@@ -185,6 +186,7 @@ class Reconstruction(ShortRepr):
     config: Mapping[str, Any] = field(default_factory=dict)
     checks: tuple[CheckResult, ...] = ()
     photo: str = ""
+    photo_name: str = ""
     grade: Grade | None = None
     lens: Lens | None = None
     unposed: tuple[UnposedPerson, ...] = ()

@@ -112,6 +112,7 @@ def test_every_kind_of_photo_gives_the_same_result(photo: Path, world: World, re
     found = reconstruct(photo, "mock")
     assert same(found, result)
     assert found.photo == photos["path"].digest
+    assert (found.photo_name, result.photo_name) == (photo.name, "")
 
 
 def test_an_error_names_the_photo(photo: Path):
