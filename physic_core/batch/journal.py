@@ -20,7 +20,7 @@ from filelock import FileLock, Timeout
 from physic_core.errors import OutputError
 from physic_core.files.atomic import atomic_write, check_own, foreign_file, open_to_append
 from physic_core.files.text import from_json, parse_json, to_json, write_csv
-from physic_core.io.result_folder import PEOPLE_MARK, PEOPLE_TABLE
+from physic_core.io.result_folder import PEOPLE_TABLE
 from physic_core.types.results import PERSON_COLUMNS
 
 COLUMNS: Mapping[str, str] = {
@@ -57,6 +57,8 @@ PEOPLE_COLUMN = "people_rows"
 _ALWAYS = ("id", "state", "config", "finished")
 _TABLE = "summary.csv"
 _MARK = ",".join(COLUMNS)  # CSV has no comments: its first line is the mark
+_PEOPLE_COLUMNS = ("id", "path", *(name for name in PERSON_COLUMNS if name != "id"))
+_PEOPLE_MARK = ",".join(_PEOPLE_COLUMNS)
 
 
 def check_journal(path: Path) -> None:
@@ -203,7 +205,7 @@ def all_columns() -> tuple[str, ...]:
 def check_tables(out: Path) -> None:
     """Raise OutputError if a table of a batch would replace a file that PhySIC has not written."""
     check_own(out / _TABLE, mark=_MARK)
-    check_own(out / PEOPLE_TABLE, mark=PEOPLE_MARK)
+    check_own(out / PEOPLE_TABLE, mark=_PEOPLE_MARK)
 
 
 def write_table(out: Path) -> Path:
@@ -228,8 +230,12 @@ def write_people_table(out: Path) -> Path:
     Raises:
         OutputError: the file cannot be written, or PhySIC has not written the one there.
     """
-    check_own(out / PEOPLE_TABLE, mark=PEOPLE_MARK)
-    people = ({"id": row["id"], **one} for row in last_rows(out) for one in row.get(PEOPLE_COLUMN) or ())
+    check_own(out / PEOPLE_TABLE, mark=_PEOPLE_MARK)
+    people = (
+        {"id": row["id"], "path": row.get("path", ""), **one}
+        for row in last_rows(out)
+        for one in row.get(PEOPLE_COLUMN) or ()
+    )
     with atomic_write(out) as temporary, temporary(PEOPLE_TABLE).open("w", newline="", encoding="utf-8") as file:
-        write_csv(file, list(PERSON_COLUMNS), people)
+        write_csv(file, list(_PEOPLE_COLUMNS), people)
     return out / PEOPLE_TABLE

@@ -52,8 +52,6 @@ _LISTED = re.compile(r"(?:[^/\\]*[^/\\.][^/\\]*/)?[^/\\]*[^/\\.][^/\\]*", re.DOT
 """Name of a file of a result, which may lie in a folder beside the document."""
 _END_BYTES = 1000
 _PARTS = f".{DOCUMENT_FILE}.*.physic-document"
-PEOPLE_MARK = ",".join(PERSON_COLUMNS)
-"""First line of the table, by which PhySIC recognises its own files: CSV has no comments."""
 
 
 @dataclass(frozen=True)

@@ -256,10 +256,10 @@ class Reconstruction(ShortRepr):
 
         Keys: grade, people (bodies: those with a finite body), width_px, height_px, focal_px, focal_known, floor_found,
         scene_valid_share, scene_scale, scale_sigma, distance_sigma, nearest_person_m and farthest_person_m (of the
-        pelvis from the camera), contact_vertices, contact_parts (pairs of a body part and what it touches),
-        ``contact_KIND`` (of these pairs, those with floor, scene, person, self or hidden), failed_checks,
-        unknown_checks, warnings, seconds, load_seconds, and ``check_NAME`` for each self-check, the worst value of all
-        people.
+        pelvis from the camera), vertices_in_contact, contacts (likely pairs of a body part and what it touches, of all
+        people), ``contacts_with_KIND`` (of these, those with floor, scene, person, self, hidden or object),
+        failed_checks, unknown_checks, warnings, seconds, load_seconds, and ``check_NAME`` for each self-check, the
+        worst value of all people.
         """
         values = {name: value(self) for name, value in _SUMMARY.items()}
         by_name: dict[str, list[CheckResult]] = defaultdict(list)
@@ -331,10 +331,11 @@ def _distances_m(result: Reconstruction) -> list[float]:
 
 
 def _touched(result: Reconstruction, kinds: Sequence[str] = PARTNER_KINDS) -> int | None:
-    """Return how many pairs of a body part and a partner of these kinds touch; None without partners."""
+    """Return how many pairs of a body part and a partner of these kinds probably touch; None without partners."""
     if any(person.contact_partner is None for person in result.people):
         return None
-    return sum(contact.partner.kind in kinds for person in result.people for contact in person.contacts)
+    likely = [contact for person in result.people for contact in person.contacts if contact.likely]
+    return sum(contact.partner.kind in kinds for contact in likely)
 
 
 _SUMMARY: dict[str, Callable[[Reconstruction], float | int | str | None]] = {
@@ -352,9 +353,9 @@ _SUMMARY: dict[str, Callable[[Reconstruction], float | int | str | None]] = {
     "distance_sigma": lambda result: result.distance_sigma,
     "nearest_person_m": lambda result: min(_distances_m(result), default=None),
     "farthest_person_m": lambda result: max(_distances_m(result), default=None),
-    "contact_vertices": lambda result: sum(int(person.contact.sum()) for person in result.people),
-    "contact_parts": _touched,
-    **{f"contact_{kind}": partial(_touched, kinds=(kind,)) for kind in PARTNER_KINDS},
+    "vertices_in_contact": lambda result: sum(int(person.contact.sum()) for person in result.people),
+    "contacts": _touched,
+    **{f"contacts_with_{kind}": partial(_touched, kinds=(kind,)) for kind in PARTNER_KINDS},
     "failed_checks": lambda result: sum(check.failed for check in result.checks),
     "unknown_checks": lambda result: sum(not (check.ok or check.failed) for check in result.checks),
     "warnings": lambda result: len(result.warnings),

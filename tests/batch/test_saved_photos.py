@@ -70,20 +70,20 @@ def test_the_table_has_a_row_for_each_photo(batch: Path):
     assert rows[0]["folder"] == photo_folder("one")
 
 
-def people_of(out: Path) -> list[tuple[str, str]]:
+def people_of(out: Path) -> list[tuple[str, str, str]]:
     with write_people_table(out).open(newline="", encoding="utf-8") as file:
-        return [(row["id"], row["person"]) for row in csv.DictReader(file)]
+        return [(row["id"], row["path"], row["person"]) for row in csv.DictReader(file)]
 
 
 def test_each_person_has_a_row_in_the_order_of_the_photos(batch: Path, result: Reconstruction):
-    expected = [("one", "0"), ("one", "1"), ("two", "0"), ("two", "1")]
+    expected = [(name, f"/photos/{name}.jpg", person) for name in ("one", "two") for person in "01"]
     assert people_of(batch) == expected
     again = replace(result, people=result.people[:1])
     process = PhotoProcessor(BatchJob(load_config(preset="mock"), str(batch), "none"), lambda *_: again)
     with Journal(batch / "journal.jsonl") as journal:
         for name in ("one", "=3"):
             journal.append(process(PhotoItem(name, f"/photos/{name}.jpg")))
-    assert people_of(batch) == [*expected[2:], ("one", "0"), ("'=3", "0")]
+    assert people_of(batch) == [*expected[2:], expected[0], ("'=3", "/photos/=3.jpg", "0")]
     with write_table(batch).open(newline="") as file:
         assert not {"people_rows"} & set(next(csv.reader(file)))
 

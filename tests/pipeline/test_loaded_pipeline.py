@@ -219,7 +219,10 @@ def test_a_summary_is_the_grade_and_flat_numbers(result: Reconstruction):
     assert all(value is None or type(value) in (int, float) for value in numbers.values())
     assert (numbers["people"], numbers["width_px"], numbers["height_px"]) == (1, 160, 120)
     assert numbers["nearest_person_m"] == pytest.approx(float(np.linalg.norm(result.people[0].joints[0])))
-    assert numbers["contact_vertices"] == int(result.people[0].contact.sum())
+    assert numbers["vertices_in_contact"] == int(result.people[0].contact.sum())
+    likely = [contact.partner.kind for contact in result.people[0].contacts if contact.likely]
+    assert numbers["contacts"] == len(likely) > 0
+    assert numbers["contacts_with_floor"] == likely.count("floor")
     assert {f"check_{check.name}" for check in result.checks} < numbers.keys()
 
 
