@@ -69,17 +69,31 @@ def contact_sheet(cards: Sequence[Mapping[str, Any]], hidden: int = 0) -> str:
     """Return the page.
 
     Args:
-        cards: of photos: name (its id), title, link, thumbnail (base64 JPEG), state, error, message, grade, people,
-            checks.
+        cards: of photos: name (its id), title, link, lacks_page (whether its page can still be written), thumbnail
+            (base64 JPEG), state, error, message, grade, people, checks.
         hidden: number of photos that are not on the page; the page states it.
     """
     from physic_core.pipeline.checks import CHECKS
 
-    note = f'<p class="soft">{hidden:,} more photos are in the summary table only.</p>' if hidden else ""
+    notes = [f"{hidden:,} more photos are in the summary table only."] if hidden else []
+    if any(card.get("lacks_page") for card in cards):
+        notes.append('"physic report . --each" in the folder of this file writes a 3D page of each photo and links it.')
     labels = {spec.name: spec.label for spec in CHECKS.values()}
-    page = (files("physic_core.batch") / "contact_sheet.html").read_text(encoding="utf-8")
-    page = page.replace("@NOTE@", note).replace("@LABELS@", _script_json(labels))
-    return page.replace("@DATA@", _script_json(list(cards)))
+    return fill_page("contact_sheet.html", NOTES=notes, LABELS=labels, DATA=list(cards))
+
+
+def fill_page(name: str, **data: Any) -> str:
+    """Return a page of this package with the common style, the mark of PhySIC, and data in place of @NAME@.
+
+    Texts of the user are in the last ones: a later name in them would be replaced.
+    """
+    package = files("physic_core.batch")
+    page = (package / name).read_text(encoding="utf-8").replace("@MARK@", MARK)
+    page = page.replace("@STYLE@", (package / "page.css").read_text(encoding="utf-8"))
+    for key, value in data.items():
+        # "<" could end the script element.
+        page = page.replace(f"@{key}@", json.dumps(value, ensure_ascii=True).replace("<", "\\u003c"))
+    return page
 
 
 def find_results(folder: Path) -> list[Path]:
@@ -94,19 +108,10 @@ def find_results(folder: Path) -> list[Path]:
     return found
 
 
-def _result_link(out: Path, folder: str) -> str:
-    """Return the link to the page of a result, else to its preview or its folder, relative to the output folder.
-
-    It is "" without files.
-    """
-    if not folder:
-        return ""
-    names = (name for name in (REPORT_FILE, PREVIEW_FILE) if (out / folder / name).is_file())
-    return f"{folder}/{next(names, '')}"
-
-
-def _script_json(value: Any) -> str:
-    return json.dumps(value, ensure_ascii=True).replace("<", "\\u003c")  # "<" could end the script element
+def result_link(place: Path, result: Path) -> str:
+    """Return the link from a folder to the page of a result, else to its preview; "" without both."""
+    pages = (result / name for name in (REPORT_FILE, PREVIEW_FILE) if (result / name).is_file())
+    return next((Path(os.path.relpath(page, place)).as_posix() for page in pages), "")
 
 
 def _common_folder(paths: Sequence[str]) -> str:
@@ -124,10 +129,13 @@ def _photo_card(out: Path, row: Mapping[str, Any], above: str) -> dict[str, Any]
     message = str(row.get("message", "")).replace(path, title)
     for folder in filter(None, (above, f"{out}{os.sep}")):
         message = message.replace(folder, "")
+    folder = str(row.get("folder", ""))
+    link = result_link(out, out / folder) if folder else ""
     return {
         "name": row["id"],
         "title": title or row["id"],
-        "link": _result_link(out, str(row.get("folder", ""))),
+        "link": link,
+        "lacks_page": done and row.get("save") in ("pictures", "numbers") and not link.endswith(REPORT_FILE),
         "thumbnail": base64.b64encode(thumbnail.read_bytes()).decode() if done and thumbnail.is_file() else "",
         "state": row["state"],
         "error": row.get("error", ""),
@@ -140,7 +148,7 @@ def _photo_card(out: Path, row: Mapping[str, Any], above: str) -> dict[str, Any]
 
 def _result_card(folder: Path, result: Path) -> dict[str, Any]:
     name = result.relative_to(folder).as_posix()
-    card: dict[str, Any] = {"name": name, "title": name, "link": _result_link(folder, name), "thumbnail": ""}
+    card: dict[str, Any] = {"name": name, "title": name, "link": result_link(folder, result), "thumbnail": ""}
     card |= {"error": "", "message": "", "grade": "", "people": 0, "checks": []}
     try:
         record = read_record(result)
@@ -148,8 +156,9 @@ def _result_card(folder: Path, result: Path) -> dict[str, Any]:
     except PhysicError as error:
         return card | {"state": "failed", "error": "InputError", "message": str(error).replace(f"{folder}{os.sep}", "")}
     failed = list(dict.fromkeys(check.name for check in record.checks if check.failed))
-    numbers = {"grade": str(record.grade or ""), "checks": failed}
-    return card | numbers | {"state": "done", "people": len(record.people), "thumbnail": thumbnail}
+    card |= {"grade": str(record.grade or ""), "checks": failed, "people": len(record.people), "thumbnail": thumbnail}
+    lacks_page = thumbnail != "" and not card["link"].endswith(REPORT_FILE)
+    return card | {"state": "done", "lacks_page": lacks_page}
 
 
 def _thumbnail(result: Path) -> str:

@@ -122,7 +122,7 @@ def test_the_contact_sheet_is_one_file_that_needs_no_network(batch: Path):
     assert len(cards[0]["thumbnail"]) < 40_000
     assert [card["title"] for card in cards] == ["one.jpg", "bad.jpg", "two.jpg"]
     assert cards[1]["message"] == "cannot read the photo bad.jpg: </script><b>&"
-    assert (batch / cards[0]["link"] / "reconstruction.npz").is_file()
+    assert (cards[0]["link"], cards[0]["lacks_page"]) == ("", False)  # a result of people alone has no page
 
 
 def test_a_result_without_its_thumbnail_stays_on_the_page(result: Reconstruction, tmp_path: Path):

@@ -126,14 +126,17 @@ def test_a_folder_of_results_gets_a_sheet_that_links_to_their_pages(folder, tmp_
     broken, cut, good = cards(tmp_path)
     assert cut["state"] == "failed"
     assert "reconstruction.npz" in cut["message"]
-    assert (good["name"], good["link"], good["state"]) == ("my photo-physic", "my photo-physic/", "done")
+    assert (good["name"], good["link"], good["state"]) == ("my photo-physic", "", "done")
     assert (good["people"], good["grade"], good["error"]) == (2, "bad", "")
     assert len(good["thumbnail"]) > 500
     assert (broken["state"], broken["error"]) == ("failed", "InputError")
     assert "reconstruction.json" in broken["message"]
+    sheet = tmp_path / "contact-sheet.html"
+    assert "physic report . --each" in sheet.read_text(encoding="utf-8")
 
     done = physic("report", "--each", tmp_path)
     assert done.exit_code == 0
+    assert "physic report . --each" not in sheet.read_text(encoding="utf-8")
     broken, _, good = cards(tmp_path)
     assert (good["link"], broken["link"]) == ("my photo-physic/report.html", "broken/report.html")
     assert "reconstruction.json" in (tmp_path / "broken" / "report.html").read_text(encoding="utf-8")
@@ -148,4 +151,4 @@ def test_a_contact_sheet_of_the_user_ends_the_command_before_the_first_page(fold
 
 def cards(folder: Path) -> list[dict]:
     page = (folder / "contact-sheet.html").read_text(encoding="utf-8")
-    return json.loads(page.split('type="application/json">')[1].split("</script>")[0])
+    return json.loads(page.split('id="data" type="application/json">')[1].split("</script>")[0])
