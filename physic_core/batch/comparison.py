@@ -3,51 +3,52 @@
 from __future__ import annotations
 
 import base64
-import html
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.batch.contact_sheet import find_results
+from physic_core.batch.contact_sheet import fill_page, find_results
+from physic_core.batch.process import WITHOUT_EFFECT
+from physic_core.body import JOINT_NAMES
 from physic_core.errors import InputError
-from physic_core.files.atomic import MARK
 from physic_core.io.result_folder import is_result, photo_identity_of_result
-from physic_core.metrics import BODY_JOINTS, match_by_masks, mpjpe_mm, scene_error
+from physic_core.metrics import BODY_JOINTS, match_by_masks, scene_error
+from physic_core.types import Grade
+from physic_core.types.contacts import part_words
 from physic_core.types.results import pelvis_distance_m
+from physic_core.visual.palette import contact_label
 
 if TYPE_CHECKING:
-    from physic_core.types import BoolArray, FloatArray, Grade, Person, Reconstruction
+    from physic_core.types import BoolArray, ContactPartner, FloatArray, Person, Reconstruction
 
-HEAD = ("photo", "person", "grade", "distance", "joints", "pose", "contact that one has alone")
+HEAD = ("photo, person", "grade A", "grade B", "distance A", "distance B", "joints", "pose", "contact that differs")
 
 PICTURE_HEIGHT = 320
 """Height of the pictures on the page, px."""
 
-_PAGE = """<!doctype html>
-<html lang="en">
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>PhySIC comparison</title>
-<!-- {mark} -->
-<style>
-  :root {{ color-scheme: light dark; }}
-  body {{ font: 14px/1.4 system-ui, sans-serif; margin: 16px; }}
-  table {{ border-collapse: collapse; display: block; overflow-x: auto; }}
-  th, td {{ border: 1px solid #8886; padding: 3px 8px; text-align: left; vertical-align: top; }}
-  .pair {{ display: flex; flex-wrap: wrap; gap: 8px; }}
-  figure {{ flex: 1 1 420px; margin: 0; }}
-  img {{ width: 100%; }}
-</style>
-<h1>Comparison</h1>
-{body}
-</html>
-"""
+
+@dataclass(frozen=True)
+class JointDifference:
+    """Distances of the same joints of two bodies, of the 22 joints from pelvis to wrists.
+
+    Attributes:
+        mean_m: of all.
+        worst: name of the joint with the largest one.
+        worst_m: the largest one.
+    """
+
+    mean_m: float
+    worst: str
+    worst_m: float
+
+    def __str__(self) -> str:
+        return f"{1000 * self.mean_m:.0f} mm ({self.worst.replace('_', ' ')} {1000 * self.worst_m:.0f} mm)"
 
 
 @dataclass(frozen=True)
@@ -58,17 +59,17 @@ class PersonPair:
         index: of the person in each result; None in the one that has no such person.
         grade: of the person.
         distance_m: of the pelvis from the camera.
-        joints_m: mean distance of the 22 joints from pelvis to wrists; None without two bodies.
-        pose_m: the same with both pelvises in one place.
-        contact_of_one: likely contacts that only this result has, such as "left_hand: floor".
+        joints: how far the joints are apart; None without two bodies.
+        pose: the same with both pelvises in one place.
+        contacts: likely contacts of each, such as "left hand: floor".
     """
 
     index: tuple[int | None, int | None]
     grade: tuple[str | None, str | None]
     distance_m: tuple[float | None, float | None]
-    joints_m: float | None
-    pose_m: float | None
-    contact_of_one: tuple[tuple[str, ...], tuple[str, ...]]
+    joints: JointDifference | None
+    pose: JointDifference | None
+    contacts: tuple[tuple[str, ...], tuple[str, ...]]
 
 
 @dataclass(frozen=True)
@@ -76,18 +77,20 @@ class Comparison:
     """Two results A and B of one photo.
 
     Attributes:
-        photo: name for readers.
+        photo: name of the photo, or of the folder of A if that is not known.
+        changed: backends, settings and versions that differ, such as "inpainter: embedded -> telea".
         grade: of each result.
         focal_px: focal length of each camera.
-        depth_ratio: median depth of the scene of B over that of A, over the pixels that both know; None without.
+        depth_m: median depth of each scene, over the pixels that both know; None without such pixels.
         depth_difference: median of the relative difference of depth of one pixel.
         people: those of A, then those that only B has.
     """
 
     photo: str
+    changed: tuple[str, ...]
     grade: tuple[str | None, str | None]
     focal_px: tuple[float, float]
-    depth_ratio: float | None
+    depth_m: tuple[float | None, float | None]
     depth_difference: float | None
     people: tuple[PersonPair, ...]
 
@@ -123,8 +126,13 @@ def pair_results(a: Path, b: Path) -> PairedFolders:
     return PairedFolders(both, (only[0], only[1]))
 
 
-def compare_results(photo: str, a: Reconstruction, b: Reconstruction) -> Comparison:
-    """Compare two results of one photo, whose name is given; people are matched by their masks.
+def compare_results(a: Reconstruction, b: Reconstruction, name: str = "") -> Comparison:
+    """Compare two results of one photo; people are matched by their masks.
+
+    Args:
+        a: the first result.
+        b: the second one.
+        name: for a photo whose name the results do not state.
 
     Raises:
         InputError: the pictures have different sizes.
@@ -137,36 +145,56 @@ def compare_results(photo: str, a: Reconstruction, b: Reconstruction) -> Compari
     known = [_pair(a, b, index, partner.get(index)) for index in range(len(a.people))]
     added = [_pair(a, b, None, int(index)) for index in matching.false_alarms]
     error = scene_error(b.scene.points, a.scene.points, b.scene.valid, a.scene.valid)
+    depths = [one.scene.points[a.scene.valid & b.scene.valid, 2] for one in (a, b)]
     return Comparison(
-        photo,
-        (_text(a.grade), _text(b.grade)),
-        (a.intrinsics.fx, b.intrinsics.fx),
-        _known(math.exp(error.log_scale)),
-        _known(error.depth_relative_median),
-        (*known, *added),
+        photo=a.photo_name or b.photo_name or name,
+        changed=_changed(a, b),
+        grade=(_text(a.grade), _text(b.grade)),
+        focal_px=(a.intrinsics.fx, b.intrinsics.fx),
+        depth_m=(_median(depths[0]), _median(depths[1])),
+        depth_difference=error.depth_relative_median if math.isfinite(error.depth_relative_median) else None,
+        people=(*known, *added),
     )
 
 
 def table_rows(photo: Comparison) -> list[tuple[str, ...]]:
-    """Return the rows of a photo, with the columns of :data:`HEAD`: one of the scene, then one of each person."""
-    scene = "-" if photo.depth_ratio is None else f"depth x {photo.depth_ratio:.2f}"
-    return [
-        (photo.photo, "scene", _both(*photo.grade), scene, "", "", ""),
-        *((photo.photo, *_person_cells(person)) for person in photo.people),
-    ]
+    """Return the rows of a photo, with the columns of :data:`HEAD`: one of the scene, then one of each person.
+
+    The distance of the scene is its median depth.
+    """
+    rows = [(photo.photo, *_grades(photo.grade), *map(_metres, photo.depth_m), "", "", "")]
+    for person in photo.people:
+        joints = ["-" if one is None else str(one) for one in (person.joints, person.pose)]
+        own = [", ".join(sorted(set(one) - set(other))) for one, other in (person.contacts, person.contacts[::-1])]
+        contact = "; ".join(f"only {name}: {text}" for name, text in zip("AB", own, strict=True) if text)
+        distances = map(_metres, person.distance_m)
+        rows.append((f"  {_title(person)}", *_grades(person.grade), *distances, *joints, contact))
+    return rows
+
+
+def changed_lines(photos: Sequence[Comparison]) -> list[str]:
+    """Return the backends, settings and versions that differ, and in how many photos if not in all."""
+    if not photos:
+        return ["no photo is in both"]
+    counts = Counter(text for photo in photos for text in photo.changed)
+    of_some = {text: f" ({count} of {len(photos)} photos)" for text, count in counts.items() if count < len(photos)}
+    return [text + of_some.get(text, "") for text in counts] or ["no setting: A and B have the same"]
 
 
 def summary_lines(photos: Sequence[Comparison], only: tuple[Sequence[Path], Sequence[Path]]) -> list[str]:
     """Return sentences about all photos, and about the photos with a result in only one folder."""
     people = [person for photo in photos for person in photo.people]
     pairs = [person for person in people if None not in person.index]
-    joints = [person.joints_m for person in pairs if person.joints_m is not None]
-    poses = [person.pose_m for person in pairs if person.pose_m is not None]
-    ratios = [ratio for photo in photos if (ratio := photo.depth_ratio) is not None]
+    joints = [person.joints.mean_m for person in pairs if person.joints is not None]
+    poses = [person.pose.mean_m for person in pairs if person.pose is not None]
+    ratios = [b / a for a, b in (photo.depth_m for photo in photos) if a and b]
     lines = [
-        f"{len(pairs)} people in both; {sum(person.index[1] is None for person in people)} only in A; "
-        f"{sum(person.index[0] is None for person in people)} only in B"
+        f"people in both: {len(pairs)}; only in A: {sum(person.index[1] is None for person in people)}; "
+        f"only in B: {sum(person.index[0] is None for person in people)}"
     ]
+    steps = Counter(_step(person.grade) for person in pairs)
+    if graded := [f"{steps[step]} {step}" for step in ("better", "worse", "the same") if steps[step]]:
+        lines.append(f"grades of people in B: {', '.join(graded)}")
     if joints:
         lines.append(f"medians of people: joints {1000 * median(joints):.0f} mm, pose {1000 * median(poses):.0f} mm")
     if ratios:
@@ -177,24 +205,29 @@ def summary_lines(photos: Sequence[Comparison], only: tuple[Sequence[Path], Sequ
 
 
 def comparison_page(
-    photos: Sequence[Comparison], pictures: Sequence[Sequence[bytes]], names: tuple[str, str], lines: Sequence[str]
+    photos: Sequence[Comparison],
+    pictures: Sequence[Sequence[bytes]],
+    links: Sequence[Sequence[str]],
+    about: Sequence[tuple[str, Sequence[str]]],
 ) -> str:
     """Return the page.
 
     Args:
         photos: all comparisons.
         pictures: thumbnails of A and B of each, :data:`PICTURE_HEIGHT` px high.
-        names: of A and B.
-        lines: of :func:`summary_lines`.
+        links: to the pages of both results of each; "" where there is none.
+        about: title and lines of what stands above the photos.
     """
-    body = [f"<p>{html.escape(line)}</p>" for line in (f"A: {names[0]}", f"B: {names[1]}", *lines)]
-    for photo, pair in zip(photos, pictures, strict=True):
-        body.append(f'<h2>{html.escape(photo.photo)}</h2>\n<div class="pair">')
-        for name, picture in zip("AB", pair, strict=True):
-            data = base64.b64encode(picture).decode()
-            body.append(f'<figure><img alt="{name}" src="data:image/jpeg;base64,{data}"><figcaption>{name}</figure>')
-        body.append(f"</div>\n{_html_table([HEAD, *table_rows(photo)])}")
-    return _PAGE.format(mark=MARK, body="\n".join(body))
+    cards = [
+        {
+            "title": photo.photo,
+            "pictures": [base64.b64encode(picture).decode() for picture in pair],
+            "links": two,
+            "sections": list(_sections(photo)),
+        }
+        for photo, pair, two in zip(photos, pictures, links, strict=True)
+    ]
+    return fill_page("comparison.html", DATA={"about": about, "photos": cards})
 
 
 def _by_photo(folder: Path) -> dict[tuple[str, int], Path]:
@@ -216,11 +249,10 @@ def _masks(result: Reconstruction) -> BoolArray:
 def _pair(a: Reconstruction, b: Reconstruction, first: int | None, second: int | None) -> PersonPair:
     one = None if first is None else a.people[first]
     other = None if second is None else b.people[second]
-    contacts = _contacts(one), _contacts(other)
     joints = pose = None
     if one is not None and other is not None:
-        joints = _joints_off_m(one.joints, other.joints)
-        pose = _joints_off_m(one.joints - one.joints[:1], other.joints - other.joints[:1])
+        joints = _difference(one.joints, other.joints)
+        pose = _difference(one.joints - one.joints[:1], other.joints - other.joints[:1])
     return PersonPair(
         index=(first, second),
         grade=(None if one is None else _text(one.grade), None if other is None else _text(other.grade)),
@@ -228,55 +260,116 @@ def _pair(a: Reconstruction, b: Reconstruction, first: int | None, second: int |
             None if one is None else pelvis_distance_m(one),
             None if other is None else pelvis_distance_m(other),
         ),
-        joints_m=joints,
-        pose_m=pose,
-        contact_of_one=(tuple(sorted(contacts[0] - contacts[1])), tuple(sorted(contacts[1] - contacts[0]))),
+        joints=joints,
+        pose=pose,
+        contacts=(_contacts(one), _contacts(other)),
     )
 
 
-def _contacts(person: Person | None) -> set[str]:
-    """Return likely contacts as "part: kind"; the numbers of surfaces and people differ between results."""
-    return set() if person is None else {f"{c.part}: {c.partner.kind}" for c in person.contacts if c.likely}
+def _contacts(person: Person | None) -> tuple[str, ...]:
+    """Return likely contacts as "part: what it touches"."""
+    likely = [] if person is None else [one for one in person.contacts if one.likely]
+    texts = [f"{part_words(c.part)}: {_touched(c.partner)}{', assumed' if c.assumed else ''}" for c in likely]
+    return tuple(dict.fromkeys(texts))
 
 
-def _joints_off_m(one: FloatArray, other: FloatArray) -> float | None:
-    return _known(float(mpjpe_mm(one[BODY_JOINTS], other[BODY_JOINTS])) / 1000)
+def _touched(partner: ContactPartner) -> str:
+    """Return the title of a partner, without the numbers of surfaces and people, which differ between results."""
+    return partner.title if partner.surface or partner.kind == "hidden" else contact_label(partner)
 
 
-def _known(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+def _difference(one: FloatArray, other: FloatArray) -> JointDifference | None:
+    apart = np.linalg.norm(np.asarray(one[BODY_JOINTS], np.float64) - other[BODY_JOINTS], axis=-1)
+    if not len(apart) or not np.isfinite(apart).all():
+        return None
+    return JointDifference(float(apart.mean()), JOINT_NAMES[int(apart.argmax())], float(apart.max()))
+
+
+def _changed(a: Reconstruction, b: Reconstruction) -> tuple[str, ...]:
+    """Return what differs in the configurations of two results, and in the versions of their plugins."""
+    one, other = (_settings(result) for result in (a, b))
+    names = [name for name in dict.fromkeys((*one, *other)) if one.get(name) != other.get(name)]
+    backends = tuple(f"{name}.options." for name in names if "." not in name)  # another backend has other options
+    changed = {
+        name: (one.get(name, "default"), other.get(name, "default")) for name in names if not name.startswith(backends)
+    }
+    old, new = (
+        {stage.provenance.distribution: stage.provenance.version for stage in result.stages if stage.provenance}
+        for result in (a, b)
+    )
+    changed |= {name: (old[name], new[name]) for name in old.keys() & new.keys() if old[name] != new[name]}
+    return tuple(f"{name}: {' -> '.join(_texts(name, values))}" for name, values in changed.items())
+
+
+def _settings(result: Reconstruction) -> dict[str, Any]:
+    """Return the settings of a result that have an effect, by dotted names; a backend has that of its interface."""
+    flat: dict[str, Any] = {}
+
+    def add(name: str, value: Any) -> None:
+        if isinstance(value, Mapping):
+            for key, item in value.items():
+                add(name if key == "backend" else f"{name}.{key}", item)
+        else:
+            flat[name] = value
+
+    for name, table in result.config.items():
+        add(name, table)
+    unimportant = {f"run.{name}" for name in WITHOUT_EFFECT}
+    return {n: value for n, value in flat.items() if n not in unimportant and not n.endswith(".options.threads")}
+
+
+def _texts(name: str, values: tuple[Any, Any]) -> list[str]:
+    """Return two values of a setting as texts, backends of different names without their distributions."""
+    full = [str(value) for value in values]
+    short = [text.rpartition(":")[2] for text in full]
+    return full if "." in name or short[0] == short[1] else short
+
+
+def _median(depths: FloatArray) -> float | None:
+    return float(np.median(depths)) if len(depths) else None
 
 
 def _text(grade: Grade | None) -> str | None:
     return None if grade is None else str(grade)
 
 
-def _html_table(rows: Sequence[tuple[str, ...]]) -> str:
-    lines = []
-    for number, row in enumerate(rows):
-        tag = "td" if number else "th"
-        lines.append(f"<tr>{''.join(f'<{tag}>{html.escape(cell)}</{tag}>' for cell in row[1:])}</tr>")
-    return "\n".join(["<table>", *lines, "</table>"])
+def _title(person: PersonPair) -> str:
+    one, other = person.index
+    if one == other:
+        return f"person {one}"
+    return "person " + ", ".join(f"{i} of {name}" for name, i in zip("AB", (one, other), strict=True) if i is not None)
 
 
-def _person_cells(person: PersonPair) -> tuple[str, ...]:
-    index = [None if value is None else str(value) for value in person.index]
-    distance = [None if value is None else f"{value:.2f} m" for value in person.distance_m]
-    contact = [f"{name}: {', '.join(own)}" for name, own in zip("AB", person.contact_of_one, strict=True) if own]
-    return (
-        _both(*index),
-        _both(*person.grade),
-        _both(*distance),
-        _millimetres(person.joints_m),
-        _millimetres(person.pose_m),
-        "; ".join(contact).replace("_", " "),
-    )
+def _grades(pair: tuple[str | None, str | None]) -> tuple[str, str]:
+    return pair[0] or "-", pair[1] or "-"
 
 
-def _both(a: str | None, b: str | None) -> str:
-    """Return one text for two equal ones, else "A -> B", with "-" for what is missing."""
-    return a or "-" if a == b else f"{a or '-'} -> {b or '-'}"
+def _metres(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f} m"
 
 
-def _millimetres(metres: float | None) -> str:
-    return "-" if metres is None else f"{1000 * metres:.0f} mm"
+def _step(grade: tuple[str | None, str | None]) -> str:
+    """Return in words how the grade of B compares to that of A; "" where one has none."""
+    if None in grade:
+        return ""
+    before, after = (list(Grade).index(Grade(str(one))) for one in grade)
+    return "better" if after < before else "worse" if after > before else "the same"
+
+
+def _sections(photo: Comparison) -> Iterator[tuple[str, Sequence[tuple[Any, ...]]]]:
+    """Yield title and rows of the photo and of each person: name, value of A and of B, and how they differ."""
+    a, b = photo.depth_m
+    ratio = f"x {b / a:.2f}" if a and b else ""
+    depth = ("median depth of the scene", _metres(a), _metres(b), ratio)
+    yield "Photo", [("grade", *_grades(photo.grade), _step(photo.grade)), depth]
+    for person in photo.people:
+        one, other = person.distance_m
+        further = "" if one is None or other is None else f"{round(other - one, 2) + 0.0:+.2f} m"
+        differences = {"joints": person.joints, "pose": person.pose}
+        rows = [
+            ("grade", *_grades(person.grade), _step(person.grade)),
+            ("distance", _metres(one), _metres(other), further),
+            *((name, "", "", str(value)) for name, value in differences.items() if value is not None),
+            ("contact", *person.contacts, ""),
+        ]
+        yield _title(person).capitalize(), rows

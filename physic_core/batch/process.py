@@ -37,8 +37,8 @@ if TYPE_CHECKING:
     from physic_core.configuration.model import Config
     from physic_core.types import Reconstruction
 
-_WITHOUT_EFFECT = ("cache", "cache_mb", "low_memory", "threads")
-"""Settings of ``[run]`` that change no result by more than rounding."""
+WITHOUT_EFFECT = ("cache", "cache_mb", "low_memory", "threads")
+"""Settings of ``[run]`` that change no result by more than rounding, as the option ``threads`` of backends."""
 
 
 def batch_config(config: Config, *, cache: bool) -> Config:
@@ -67,7 +67,7 @@ def config_digest(config: Config) -> str:
     Of files that ``[photo]`` names, such as a depth map, the content counts.
     """
     tables = config.as_dict()
-    for name in _WITHOUT_EFFECT:
+    for name in WITHOUT_EFFECT:
         tables["run"].pop(name, None)
     for table in tables.values():
         if isinstance(options := table.get("options"), dict):

@@ -25,19 +25,21 @@ if TYPE_CHECKING:
 def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
     """Compare the results in folders A and B, or all results of the same photos in them.
 
-    People are matched by their masks. Joints is the mean distance of the joints from pelvis to wrists; pose is the same
-    with both pelvises in one place.
+    People are matched by their masks. Joints is the mean distance of the joints from pelvis to wrists, with the joint
+    that is farthest apart; pose is the same with both pelvises in one place. The distance of a photo is the median
+    depth of its scene.
     """
     from physic_core.batch.comparison import (
         HEAD,
         PICTURE_HEIGHT,
+        changed_lines,
         compare_results,
         comparison_page,
         pair_results,
         summary_lines,
         table_rows,
     )
-    from physic_core.batch.contact_sheet import thumbnail_jpeg
+    from physic_core.batch.contact_sheet import result_link, thumbnail_jpeg
     from physic_core.errors import InputError
     from physic_core.files.atomic import check_own, write_own
     from physic_core.files.plain import split
@@ -46,11 +48,11 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
     if page is not None:
         check_own(page)
     paired = pair_results(a, b)
-    photos, pictures, failed = [], [], None
+    photos, pictures, links, failed = [], [], [], None
     for pair in paired.both:
         try:
             results = [load_reconstruction(folder) for folder in pair]
-            photos.append(compare_results(pair[0].resolve().name, results[0], results[1]))
+            photos.append(compare_results(results[0], results[1], pair[0].resolve().name))
         except InputError as error:
             if failed is not None:
                 echo(f"Error: {failed}", err=True)
@@ -58,21 +60,26 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
         else:
             if page is not None:
                 pictures.append([thumbnail_jpeg(one, PICTURE_HEIGHT) for one in results])
+                links.append([result_link(page.parent, folder) for folder in pair])
     if failed is not None and not photos:
         raise failed
-    lines = summary_lines(photos, paired.only)
+    about = [
+        ("A", [str(a)]),
+        ("B", [str(b)]),
+        ("changed", changed_lines(photos)),
+        ("all photos", summary_lines(photos, paired.only)),
+    ]
     if as_json:
         only = {f"only_{name}": list(map(str, folders)) for name, folders in zip("ab", paired.only, strict=True)}
         echo_json({"a": str(a), "b": str(b), "photos": split(photos, {}), **only})
     else:
-        echo(f"A: {a}\nB: {b}")
+        for title, lines in about[:-1]:
+            echo(f"{title}: {'; '.join(lines)}")
         rows = [row for photo in photos for row in table_rows(photo)]
         echo(format_table([HEAD, *rows]))
-        echo("\n".join(lines))
+        echo("\n".join(about[-1][1]))
     if page is not None:
-        echo(
-            f"wrote {write_own(page, comparison_page(photos, pictures, (str(a), str(b)), lines).encode())}", err=as_json
-        )
+        echo(f"wrote {write_own(page, comparison_page(photos, pictures, links, about).encode())}", err=as_json)
     if failed is not None:
         raise failed
 

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from physic_core import Reconstruction, save_reconstruction
-from physic_core.batch.comparison import compare_results, pair_results
+from physic_core.batch.comparison import changed_lines, compare_results, pair_results
+from physic_core.body import JOINT_NAMES
 from physic_core.cli import main
+from physic_core.configuration.model import load_config
 from physic_core.errors import InputError
 from physic_core.types import BodyContact, ContactPartner, Grade
 
@@ -37,37 +41,63 @@ def other(result: Reconstruction) -> Reconstruction:
 
 
 def test_people_are_matched_by_their_masks(result: Reconstruction, other: Reconstruction):
-    found = compare_results("a", result, other)
+    found = compare_results(result, other)
     assert [person.index for person in found.people] == [(0, 1), (1, 0)]
     same, moved = found.people
-    assert (same.joints_m, same.pose_m, same.contact_of_one) == (0, 0, ((), ()))
-    assert moved.joints_m == pytest.approx(0.3, abs=1e-5)
-    assert moved.pose_m == pytest.approx(0, abs=1e-5)
-    assert moved.contact_of_one == ((), ("left_hand: scene",))
-    assert moved.grade[1] == "bad"
+    assert same.joints is not None
+    assert (same.joints.mean_m, same.contacts[0]) == (0, same.contacts[1])
+    assert moved.joints is not None
+    assert moved.pose is not None
+    assert moved.joints.mean_m == pytest.approx(0.3, abs=1e-5)
+    assert moved.pose.mean_m == pytest.approx(0, abs=1e-5)
+    assert moved.contacts == (("left foot: floor",), ("left foot: floor", "left hand: table"))
+    assert moved.grade == ("doubtful", "bad")
     away = [np.linalg.norm(one.people[index].joints[0]) for one, index in ((result, 1), (other, 0))]
     assert moved.distance_m == pytest.approx(away)
-    assert found.depth_ratio == pytest.approx(1.1, rel=1e-4)
+    depths = result.scene.points[result.scene.valid, 2]
+    assert found.depth_m == pytest.approx((np.median(depths), 1.1 * np.median(depths)), rel=1e-4)
     assert found.depth_difference == pytest.approx(0.1, rel=1e-3)
+
+
+def test_the_joint_that_is_farthest_apart_is_named(result: Reconstruction):
+    joints = result.people[0].joints.copy()
+    joints[JOINT_NAMES.index("left_wrist")] += np.float32([0, 0.22, 0])
+    other = replace(result, people=(replace(result.people[0], joints=joints), *result.people[1:]))
+    found = compare_results(result, other).people[0].pose
+    assert found is not None
+    assert (found.worst, found.worst_m, found.mean_m) == ("left_wrist", pytest.approx(0.22), pytest.approx(0.01))
+
+
+def test_backends_and_settings_that_differ_are_listed(result: Reconstruction):
+    def with_config(*overrides: str) -> Reconstruction:
+        return replace(result, config=load_config(preset="mock", overrides=overrides).as_dict())
+
+    before = with_config()
+    assert compare_results(before, with_config("run.threads=7")).changed == ()
+    swapped = with_config("inpainter.backend=telea", "inpainter.options.threads=1", "photo.max_side=960")
+    assert compare_results(before, swapped).changed == ("inpainter: mock -> telea", "photo.max_side: 1280 -> 960")
+    option = compare_results(before, with_config("metric_depth.options.seed=4"))
+    assert option.changed == ("metric_depth.options.seed: default -> 4",)
+    assert changed_lines([option, compare_results(before, before)]) == [f"{option.changed[0]} (1 of 2 photos)"]
 
 
 def test_a_person_of_one_result_alone_is_listed(result: Reconstruction):
     fewer = replace(result, people=result.people[1:])
-    assert [person.index for person in compare_results("a", result, fewer).people] == [(0, None), (1, 0)]
-    assert [person.index for person in compare_results("a", fewer, result).people] == [(0, 1), (None, 0)]
+    assert [person.index for person in compare_results(result, fewer).people] == [(0, None), (1, 0)]
+    assert [person.index for person in compare_results(fewer, result).people] == [(0, 1), (None, 0)]
 
 
 def test_a_person_without_a_body_has_no_joints_to_compare(result: Reconstruction):
     first = result.people[0]
     lost = replace(first, joints=np.full_like(first.joints, np.nan))
-    person = compare_results("a", result, replace(result, people=(lost, *result.people[1:]))).people[0]
-    assert (person.joints_m, person.pose_m, person.distance_m[1]) == (None, None, None)
+    person = compare_results(result, replace(result, people=(lost, *result.people[1:]))).people[0]
+    assert (person.joints, person.pose, person.distance_m[1]) == (None, None, None)
 
 
 def test_pictures_of_different_sizes_are_refused(result: Reconstruction):
     narrow = replace(result, intrinsics=replace(result.intrinsics, width=7))
     with pytest.raises(InputError, match="7 x"):
-        compare_results("a", result, narrow)
+        compare_results(result, narrow)
 
 
 def test_photos_of_folders_are_paired_by_their_digests(result: Reconstruction, tmp_path: Path):
@@ -78,22 +108,41 @@ def test_photos_of_folders_are_paired_by_their_digests(result: Reconstruction, t
     assert paired.only == ((tmp_path / "a/1",), (tmp_path / "b/two",))
 
 
-def test_the_command_prints_a_table_or_json_and_writes_a_page(
-    result: Reconstruction, other: Reconstruction, tmp_path: Path
-):
+@pytest.fixture
+def saved(result: Reconstruction, other: Reconstruction, tmp_path: Path) -> list[str]:
+    """The folders of both results; the second one has a page."""
     for name, one in {"a": result, "b": other}.items():
-        save_reconstruction(one, tmp_path / name, "numbers")
-    folders = [str(tmp_path / name) for name in "ab"]
-    page = tmp_path / "page.html"
-    done = CliRunner().invoke(main, ["compare", *folders, "--html", str(page)])
+        save_reconstruction(replace(one, photo_name="beach.jpg"), tmp_path / name, "numbers")
+    (tmp_path / "b/report.html").touch()
+    return [str(tmp_path / name) for name in "ab"]
+
+
+def test_the_command_prints_a_table_or_json(saved: list[str]):
+    done = CliRunner().invoke(main, ["compare", *saved])
     assert done.exit_code == 0, done.output
-    row = next(line for line in done.output.splitlines() if "left hand: scene" in line)
-    assert "300 mm" in row
-    assert "-> bad" in row
-    assert page.read_text().count("data:image/jpeg;base64,") == 2
-    data = json.loads(CliRunner().invoke(main, ["compare", *folders, "--json"]).output)
-    assert data["photos"][0]["people"][1]["joints_m"] == pytest.approx(0.3, abs=1e-4)
+    row = next(line for line in done.output.splitlines() if "only B: left hand: table" in line)
+    assert re.search(r"person 1 of A, 0 of B +doubtful +bad +3.84 m +4.14 m +300 mm \(", row)
+    assert "beach.jpg" in done.output
+    assert "grades of people in B: 1 worse, 1 the same" in done.output
+    data = json.loads(CliRunner().invoke(main, ["compare", *saved, "--json"]).output)
+    assert data["photos"][0]["people"][1]["joints"]["mean_m"] == pytest.approx(0.3, abs=1e-4)
     assert data["only_a"] == data["only_b"] == []
+
+
+def test_the_page_has_the_pictures_and_the_table_and_links_to_the_pages(
+    saved: list[str], tmp_path: Path, chromium: Any
+):
+    path = tmp_path / "page.html"
+    done = CliRunner().invoke(main, ["compare", *saved, "--html", str(path)])
+    assert done.output.endswith(f"wrote {path}\n")
+    page = chromium.open(path.as_uri(), 390, 800)
+    words = page.evaluate("document.body.innerText")
+    assert all(text in words for text in ("beach.jpg", "A and B have the same", "300 mm", "left hand: table"))
+    assert page.evaluate("[...document.images].map(one => one.naturalWidth > 300)") == [True, True]
+    links = page.evaluate("[...document.querySelectorAll('article a')].map(one => one.href)")
+    assert links == [(tmp_path / "b/report.html").as_uri()]
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    page.close()
 
 
 def test_a_damaged_result_leaves_the_others(result: Reconstruction, tmp_path: Path):
@@ -103,7 +152,7 @@ def test_a_damaged_result_leaves_the_others(result: Reconstruction, tmp_path: Pa
     done = CliRunner().invoke(main, ["compare", str(tmp_path / "a"), str(tmp_path / "b")])
     assert done.exit_code == 3
     assert "reconstruction.npz" in done.output
-    assert "2 people in both" in done.output
+    assert "people in both: 2" in done.output
 
 
 def test_a_file_of_the_user_is_not_replaced_by_the_page(result: Reconstruction, tmp_path: Path):
