@@ -96,7 +96,7 @@ def list_photos(inputs: Iterable[str], out: str | os.PathLike[str] | None = None
             where = _show(same.path) if same.path == item.path else f"{_show(same.path)} and {_show(item.path)}"
             raise InputError(f"two photos have the id {quoted(item.id)}, {where}: give each an id of its own")
     if not found:
-        raise InputError(f"no photos in {_show(', '.join(inputs))}; {skipped} files were skipped")
+        raise InputError(f"no photos in {_show(', '.join(inputs))} (files skipped: {skipped})")
     return PhotoList(list(found.values()), skipped)
 
 

@@ -81,7 +81,7 @@ def batch(
     todo = plan.todo[:limit]
     now = f"; {len(todo):,} of them now (--limit)" if len(todo) < len(plan.todo) else ""
     if listed.skipped:
-        echo(f"skipped {listed.skipped:,} files that are not photos, hidden, or of results", err=True)
+        echo(f"files skipped (not photos, hidden, or of results): {listed.skipped:,}", err=True)
     echo(_describe(plan, len(items)) + now, err=True)
     if dry_run:
         for item in todo:
@@ -148,7 +148,8 @@ def _row_printer(total: int) -> Callable[[Mapping[str, Any]], None]:
     def print_row(row: Mapping[str, Any]) -> None:
         count[row["state"]] += 1
         done, seconds = count.total(), time.monotonic() - start
-        reason = f": {row['error']}: {row['message']}" if row["error"] else ""
+        message = str(row["message"]).replace(row["path"], Path(row["path"]).name)
+        reason = f": {row['error']}: {message}" if row["error"] else ""
         failures = f", {count['failed']} failed" if count["failed"] else ""
         rate = f"{60 * done / seconds:.1f} photos/min, {_duration((total - done) * seconds / done)} left{failures}"
         echo(f"[{done}/{total}] {row['state']} {row['path']}{reason} ({rate})", err=True)

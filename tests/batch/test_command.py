@@ -63,9 +63,7 @@ def test_a_dry_run_lists_the_photos_and_writes_nothing(tmp_path: Path, monkeypat
     options = ("photos", "-o", "out", "--preset", "mock")
     done = physic(*options, "--dry-run")
     assert done.stdout.splitlines() == [f"{tmp_path}/photos/{name}.jpg" for name in ("a", "b", "c\\x1b")]
-    assert (
-        done.stderr == "skipped 1 files that are not photos, hidden, or of results\n3 photos: 3 to do, 0 done before\n"
-    )
+    assert done.stderr == "files skipped (not photos, hidden, or of results): 1\n3 photos: 3 to do, 0 done before\n"
     assert not Path("out").exists()
     assert physic(*options, "--limit", "1", "--workers", "1").exit_code == 0
     rest = physic(*options, "--limit", "1", "--dry-run")
