@@ -236,4 +236,11 @@ def find_exporter(name: str | None, suffix: str = "") -> Found[ExporterRecord]:
     known = ", ".join(each.record.name for each in exporters)
     choose = "; ".join((f"choose one of {known}", *missing_formats(exporters)))
     what = f"'{name or suffix}' is not an export format" if name or suffix else "the path has no suffix"
-    raise InputError(f"{what}: {choose} (--to, or format= in Python)")
+    options = [
+        f"--to {each.record.name} --{option.replace('_', '-')} {wanted}"
+        for each in exporters
+        for option, values in each.record.options.items()
+        if wanted in values
+    ]
+    hint = f"; '{wanted}' is an option: {' or '.join(options)}" if options else ""
+    raise InputError(f"{what}: {choose} (--to, or format= in Python; physic export --list says what each is for){hint}")

@@ -57,6 +57,14 @@ def test_an_unknown_format_is_refused_with_the_known_ones(name: str | None, suff
 
 
 @pytest.mark.parametrize(
+    ("name", "option"), [("mixamo", "--to bvh --names mixamo"), ("photo", "--to glb --skin photo")]
+)
+def test_the_value_of_an_option_in_place_of_a_format_is_refused_with_the_option(name: str, option: str):
+    with pytest.raises(InputError, match=f"'{name}' is an option: .*{option}"):
+        find_exporter(name)
+
+
+@pytest.mark.parametrize(
     ("change", "name", "options", "message"),
     [
         (None, "a.bvh", {"person": 2}, "no person 2"),
