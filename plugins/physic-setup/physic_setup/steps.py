@@ -59,7 +59,7 @@ class Setup:
     Attributes:
         steps: in their order.
         download_bytes: of the missing files whose size is published.
-        unsized: number of missing files whose size is not published.
+        unsized: missing weights and files of whose size no exact number is published.
         gpu: memory of a GPU that backends state, by backend.
         gpu_unknown: backends of a "cuda" configuration that state none.
         accounts: web addresses that ask for an account, of what is missing.
@@ -69,7 +69,7 @@ class Setup:
 
     steps: tuple[SetupStep, ...]
     download_bytes: int = 0
-    unsized: int = 0
+    unsized: tuple[str, ...] = ()
     gpu: tuple[tuple[str, GpuMemory], ...] = ()
     gpu_unknown: tuple[str, ...] = ()
     accounts: tuple[str, ...] = ()
@@ -119,8 +119,10 @@ def setup_steps(config: Config, preset: str, folder: Path, missing: tuple[str, .
     repositories = _unique(plan, Repository)
     files = _unique(plan, UserFile)
     absent = {file for _, file in files if not file.is_here}
-    sizes = [file.bytes for weights in sets for file in weights.files if not _is_here(weights, file.path)]
-    sizes += [file.bytes for file in absent]
+    sizes = [
+        (weights.name, file.bytes) for weights in sets for file in weights.files if not _is_here(weights, file.path)
+    ]
+    sizes += [(file.name, file.bytes) for file in absent]
     accounts = [weights.homepage for weights in sets if weights.needs_account and not _is_complete(weights)]
     accounts += [file.account for file in absent if file.account]
     gpu = _unique(plan, GpuMemory)
@@ -137,8 +139,8 @@ def setup_steps(config: Config, preset: str, folder: Path, missing: tuple[str, .
     )
     return Setup(
         steps=tuple(step for step in steps if step is not None),
-        download_bytes=sum(size for size in sizes if size is not None),
-        unsized=sizes.count(None),
+        download_bytes=sum(size for _, size in sizes if size is not None),
+        unsized=tuple(dict.fromkeys(name for name, size in sizes if size is None)),
         gpu=tuple(gpu),
         gpu_unknown=tuple(name for name in plan.backends if name not in dict(gpu)) if plan.device != "cpu" else (),
         accounts=tuple(dict.fromkeys(accounts)),

@@ -72,9 +72,12 @@ def test_licences_sizes_and_what_was_not_measured_are_said_before_any_step(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: tuple[str, ...]
 ) -> None:
     monkeypatch.setattr("physic_setup.commands.setup._run", lambda step: None)
+    for name in ("PHYSIC_WEIGHTS", "XDG_CACHE_HOME"):
+        monkeypatch.setenv(name, str(tmp_path / name))
     done = physic("setup", "open-body", "--folder", str(tmp_path), *run)
     first = done.stdout.partition("1. ")[0]
-    assert all(word in first for word in ("RTMW3D", "2.6 GB", "Apache-2.0", "Not measured"))
+    assert all(word in first for word in ("RTMW3D", "2.6 GB download: 2.44 GB", "MIT", "Apache-2.0", "Not measured"))
+    assert run or "without packages: 2.44 GB, and these, of no published exact size: rtmw3d-x" in first
 
 
 @pytest.fixture

@@ -95,7 +95,7 @@ def _costs(found: Setup) -> Iterator[str]:
     """Yield lines about download, GPU memory, accounts and what is not pinned."""
     from physic_core.weights.find import format_size
 
-    more = f", and files whose size is not published: {found.unsized}" if found.unsized else ""
+    more = f", and these, of no published exact size: {', '.join(found.unsized)}" if found.unsized else ""
     yield f"Download size, without packages: {format_size(found.download_bytes) or '0 bytes'}{more}"
     for name, memory in found.gpu:
         yield f"GPU memory: {memory.gigabytes:g} GB for the {name} ({memory.source})"
