@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import os
 import shutil
 from collections.abc import Callable
@@ -53,14 +52,6 @@ def test_a_file_of_the_user_ends_the_batch_before_its_first_photo(
     assert (done.exit_code, f"cannot write {path}" in done.stderr) == (USAGE, True)
     assert path.read_text() == victim.read_text() == MINE
     assert "[1/1]" not in done.stderr
-
-
-def test_files_of_an_earlier_batch_are_replaced(photos: Path, tmp_path: Path):
-    assert batch(str(photos), tmp_path / "out").exit_code == 0
-    (photos / "other.jpg").write_text("no photo")
-    assert batch(str(photos), tmp_path / "out").exit_code == 0
-    with (tmp_path / "out" / "summary.csv").open(newline="") as file:
-        assert len(list(csv.DictReader(file))) == 2
 
 
 def test_the_table_of_photos_is_never_replaced_by_the_table_of_results(photos: Path):

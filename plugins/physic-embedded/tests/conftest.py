@@ -1,4 +1,4 @@
-"""The photo that several tests show to the networks."""
+"""The photo that several tests show to the networks, and the people whom the segmenter finds in it."""
 
 from __future__ import annotations
 
@@ -8,8 +8,14 @@ import cv2
 import numpy as np
 import pytest
 
+from physic_embedded.segmenter import EmbeddedSegmenter, EmbeddedSegmenterOptions
+
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import NDArray
+
+    from physic_core.types import People
 
 
 @pytest.fixture(scope="session")
@@ -17,3 +23,16 @@ def image(pytestconfig: pytest.Config) -> NDArray[np.uint8]:
     """The example photo of two basketball players, (H, W, 3) RGB."""
     bgr = cv2.imread(str(pytestconfig.rootpath / "examples" / "basketball.png"))
     return np.ascontiguousarray(bgr[..., ::-1])
+
+
+@pytest.fixture(scope="session")
+def segmenter() -> Iterator[EmbeddedSegmenter]:
+    backend = EmbeddedSegmenter(EmbeddedSegmenterOptions(threads=1))
+    backend.load()
+    yield backend
+    backend.close()
+
+
+@pytest.fixture(scope="session")
+def people(segmenter: EmbeddedSegmenter, image: NDArray[np.uint8]) -> People:
+    return segmenter.infer(image)

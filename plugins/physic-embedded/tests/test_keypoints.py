@@ -9,18 +9,10 @@ import pytest
 from physic_core.interfaces import KeypointDetector
 from physic_core.types import People
 from physic_embedded.keypoint_detector import EmbeddedKeypoints, EmbeddedKeypointsOptions
-from physic_embedded.segmenter import EmbeddedSegmenter, EmbeddedSegmenterOptions
 from physic_testing import violations
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-
-@pytest.fixture(scope="module")
-def people(image: NDArray[np.uint8]) -> People:
-    backend = EmbeddedSegmenter(EmbeddedSegmenterOptions(threads=1, floor=False))
-    backend.load()
-    return backend.infer(image)
 
 
 @pytest.fixture(scope="module")

@@ -30,28 +30,13 @@ from physic_embedded.segmentation.people import (
 )
 from physic_embedded.segmentation.person_masks import PersonMask, resolve_overlaps
 from physic_embedded.segmentation.unposed import count_heads
-from physic_embedded.segmenter import EmbeddedSegmenter, EmbeddedSegmenterOptions
 from physic_testing import violations
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from numpy.typing import NDArray
 
     from physic_core.types import People
-
-
-@pytest.fixture(scope="module")
-def segmenter() -> Iterator[EmbeddedSegmenter]:
-    backend = EmbeddedSegmenter(EmbeddedSegmenterOptions(threads=1))
-    backend.load()
-    yield backend
-    backend.close()
-
-
-@pytest.fixture(scope="module")
-def people(segmenter: EmbeddedSegmenter, image: NDArray[np.uint8]) -> People:
-    return segmenter.infer(image)
+    from physic_embedded.segmenter import EmbeddedSegmenter
 
 
 def pose_at(center: tuple[float, float], height: float = 200.0, confidence: float = 1.0) -> Pose:
