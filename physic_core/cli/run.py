@@ -42,11 +42,11 @@ def _setting(option: str, path: str, **attributes: Any) -> Callable[[Callable[..
 
 
 _SAVE = (
-    "Files in addition to the page. numbers: JSON and arrays. pictures: the same, preview and combined.glb. people: "
-    "JSON and arrays of the people."
+    "numbers: JSON and arrays. pictures: the same, preview, combined.glb and the page. people: JSON and arrays of the "
+    "people."
 )
 
-_REPORT = "Write report.html, a 3D page for a browser, or not. [default: if physic-viewer is installed]"
+_REPORT = "Write report.html, a 3D page for a browser, or not. [default: with pictures, if physic-viewer is installed]"
 
 _KEYPOINTS = (
     "Keypoints that replace detected ones, px of the photo file: CSV with person (as in people.csv), joint, x, y; or "
@@ -135,7 +135,7 @@ def run(
 
     # Fast checks come first: no network is loaded before config, files, device and output folder are checked.
     plan = load_plan(file, preset=preset, overrides=overrides, flags=flags)
-    report = _writes_report(open_page or report, quiet=quiet)
+    report = _writes_report(open_page or report, save, quiet=quiet)
     from physic_core.io.result_folder import file_digest
 
     folder = out or Path(f"{photo.stem}-physic")
@@ -178,17 +178,17 @@ def run(
             echo(f"no browser was found: open {page} yourself", err=True)
 
 
-def _writes_report(wanted: bool | None, *, quiet: bool) -> bool:
-    """Return whether to write the page: by default, if a plugin makes it; otherwise print a line that names the plugin.
+def _writes_report(wanted: bool | None, save: str, *, quiet: bool) -> bool:
+    """Return whether to write the page: by default, with pictures, if a plugin makes it; else a line names the plugin.
 
     Raises:
         PackageMissingError: the page is wanted, and no plugin makes it.
     """
+    if wanted is False or (wanted is None and save != "pictures"):
+        return False
     from physic_core.errors import ConfigError
     from physic_core.visual.report import require_report
 
-    if wanted is False:
-        return False
     try:
         require_report()
     except ConfigError as error:

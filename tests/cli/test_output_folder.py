@@ -43,7 +43,7 @@ def photo(name: str) -> str:
 
 
 def run(*arguments: str) -> Result:
-    saving = ("--save", "numbers", "--no-report")
+    saving = ("--save", "numbers")
     return CliRunner().invoke(main, ["run", "--preset", "mock", *saving, *arguments])
 
 

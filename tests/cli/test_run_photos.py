@@ -80,8 +80,9 @@ DEFAULT_FILES = ["combined.glb", "people.csv", "preview.png", *ARRAYS, "report.h
     [
         ((), DEFAULT_FILES),
         (("--no-report",), DEFAULT_FILES[:-1]),
-        (("--save", "numbers"), ["people.csv", *DEFAULT_FILES[3:]]),
-        (("--save", "people", "--no-report"), ["people.csv", *ARRAYS]),
+        (("--save", "numbers"), ["people.csv", *ARRAYS]),
+        (("--save", "numbers", "--report"), ["people.csv", *ARRAYS, "report.html"]),
+        (("--save", "people"), ["people.csv", *ARRAYS]),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
@@ -146,7 +147,7 @@ def test_a_run_that_is_broken_off_leaves_nothing(world: World):
 def test_a_run_says_how_to_give_a_focal_length_that_is_not_known(world: World):
     Image.fromarray(world.image).save("a.png")
     for arguments, lines in (((), 1), (("-q",), 0), (("--focal-px", "178"), 0)):
-        done = run("a.png", "--save", "numbers", "--no-report", *arguments)
+        done = run("a.png", "--save", "numbers", *arguments)
         assert done.exit_code == 0, done.output
         assert done.stderr.count("--focal-px PX") == lines
 
@@ -167,7 +168,7 @@ def test_what_runs_the_networks_is_printed_only_with_verbose(world: World, monke
     Image.fromarray(world.image).save("a.png")
     lines = ["one.onnx runs on CPU", "two.onnx runs on CPU", "a network was tuned"]
     for arguments, expected in (((), []), (("-v",), lines), (("-q",), [])):
-        done = run("a.png", "--no-cache", "--save", "numbers", "--no-report", "--focal-px", "147", *arguments)
+        done = run("a.png", "--no-cache", "--save", "numbers", "--focal-px", "147", *arguments)
         assert done.exit_code == 0
         assert [line for line in done.stderr.splitlines() if line[0] != "["] == expected
         assert "onnx" not in done.stdout
