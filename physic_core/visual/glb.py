@@ -37,6 +37,7 @@ from physic_core.visual.supports import SLAB_FACES, assumed_supports
 from physic_core.visual.surface import BACKDROP, SceneMesh, scene_meshes, scene_reach, unit_normals
 from physic_core.visual.textures.dressed import GUESSED, dressed_bodies, dressed_images, image_of_vertices
 from physic_core.visual.textures.photo import encode_image
+from physic_core.visual.textures.shoes import with_shoes
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -278,10 +279,11 @@ def _add_person(glb: GlbBuilder, index: int, request: ExportRequest, rig: Rig | 
     name, person, result = f"person_{index}", request.result.people[index], request.result
     faces = np.asarray(result.faces, np.int64)
     vertices = transform_points(request.frame.from_camera, person.vertices) if rig is None else rig.vertices
+    normals = unit_normals(vertices, faces)
     own = slice(None) if look.vertex is None else look.vertex
     attributes = {
         "POSITION": glb.accessor(vertices.astype(np.float32)[own], ARRAY, bounds=True),
-        "NORMAL": glb.accessor(unit_normals(vertices, faces)[own], ARRAY),
+        "NORMAL": glb.accessor(normals[own], ARRAY),
         "_CONTACT": glb.accessor(person.contact.astype(np.float32)[own], ARRAY),
         **{key: glb.accessor(values, ARRAY) for key, values in look.attributes.items()},
         **look.accessors,
@@ -298,7 +300,14 @@ def _add_person(glb: GlbBuilder, index: int, request: ExportRequest, rig: Rig | 
             columns = slice(4 * group, 4 * group + 4)
             attributes[f"JOINTS_{group}"] = glb.accessor(indices[own, columns], ARRAY)
             attributes[f"WEIGHTS_{group}"] = glb.accessor(weights[own, columns], ARRAY)
-    return [*tops, _add_mesh(glb, name, attributes, faces if look.faces is None else look.faces, look, **skin)]
+    tops.append(_add_mesh(glb, name, attributes, faces if look.faces is None else look.faces, look, **skin))
+    if toes := dressed_bodies(result).shoes.get(index, ()):
+        shod, turned = with_shoes(vertices, normals.astype(np.float64), toes)
+        moves, turns = (glb.sparse(step[own].astype(np.float32)) for step in (shod - vertices, turned - normals))
+        mesh = glb.tree["meshes"][-1]
+        mesh["primitives"][0]["targets"] = [{"POSITION": moves, "NORMAL": turns}]
+        mesh |= {"weights": [1.0], "extras": {"targetNames": ["shoes"]}}
+    return tops
 
 
 def add_joints(glb: GlbBuilder, name: str, rig: Rig) -> tuple[int, list[int]]:

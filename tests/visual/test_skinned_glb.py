@@ -15,7 +15,8 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from physic_core import Reconstruction
-from physic_core.body.joints import JOINT_NAMES
+from physic_core.body import load_body
+from physic_core.body.joints import JOINT_NAMES, joint_pair
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
 from physic_core.visual.glb import skin_influences
@@ -89,6 +90,23 @@ def test_vertices_skinned_from_the_file_are_the_posed_vertices(tree, result: Rec
     wanted = transform_points(frame.from_camera, result.people[person].joints)
     np.testing.assert_allclose(np.stack([poses[j][:3, 3] for j in skin.joints]), wanted, atol=1e-5)
     assert [tree.nodes[joint].name for joint in skin.joints] == list(JOINT_NAMES)
+
+
+def test_shoes_are_a_shape_that_moves_toes_and_can_be_switched_off(tree, result: Reconstruction):
+    toes = load_body("embedded").skin.weights[joint_pair("foot")].max(0).values.numpy() > 0
+    for index in dressed_bodies(result).shoes:
+        mesh = tree.meshes[named(tree, f"person_{index}")[1].mesh]
+        assert (mesh.weights, mesh.extras["targetNames"]) == ([1.0], ["shoes"])
+        (target,) = mesh.primitives[0].targets
+        moves = tree.accessors[target["POSITION"]]
+        assert moves.count == tree.accessors[mesh.primitives[0].attributes.POSITION].count
+        start = tree.bufferViews[moves.sparse.indices.bufferView].byteOffset
+        moved = np.frombuffer(tree.binary_blob(), np.uint16, moves.sparse.count, start)
+        assert toes[moved[moved < len(toes)]].all()
+        start = tree.bufferViews[moves.sparse.values.bufferView].byteOffset
+        steps = np.frombuffer(tree.binary_blob(), np.float32, 3 * moves.sparse.count, start).reshape(-1, 3)
+        assert 0.005 < np.linalg.norm(steps, axis=1).max() < 0.06
+        np.testing.assert_array_equal([moves.min, moves.max], [steps.min(0).clip(max=0), steps.max(0).clip(min=0)])
 
 
 def test_contact_is_an_attribute_and_no_colour(tree, result: Reconstruction):

@@ -7,7 +7,7 @@ which have theirs, are drawn without one.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -30,6 +30,7 @@ from physic_core.visual.textures.raster import (
     load_texture_coordinates,
     rasterize_texture,
 )
+from physic_core.visual.textures.shoes import with_shoes, worn_shoes
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -68,8 +69,11 @@ class DressedBodies:
         tone: person -> (V,) brightness of the guess.
         filled: person -> (V,) float32 in 0-1, how much of the colour is guessed.
         shown: person -> share of the body's surface that a photo shows.
+        shoes: person -> for each foot with a shoe, see :func:`with_shoes`.
+        vertices: person -> (V, 3) metres, camera frame, with shoes.
+        normals: person -> (V, 3) of those.
         mesh: texture coordinates of the bodies; None for others than the embedded body.
-        bodies: their meshes, without triangles of an implausible length; None without bodies.
+        bodies: meshes of ``vertices``, without triangles of an implausible length; None without bodies.
     """
 
     colors: Mapping[int, UInt8Array]
@@ -77,6 +81,9 @@ class DressedBodies:
     tone: Mapping[int, Array]
     filled: Mapping[int, NDArray[np.float32]]
     shown: Mapping[int, float]
+    shoes: Mapping[int, Sequence[Array]]
+    vertices: Mapping[int, Array]
+    normals: Mapping[int, Array]
     mesh: TextureCoordinates | None
     bodies: RayCastMesh | None
 
@@ -87,27 +94,27 @@ def dressed_bodies(result: Reconstruction) -> DressedBodies:
     people = enumerate(result.people)
     posed = {i: one.vertices.astype(np.float64) for i, one in people if np.isfinite(one.vertices).all()}
     faces = np.asarray(result.faces, np.int64)
+    model = _model(result) if posed else None
+    normals = {i: vertex_normals(vertices, faces) for i, vertices in posed.items()}
+    shoes = {} if model is None else {i: worn_shoes(result, i, posed[i], normals[i], model) for i in posed}
+    for index, toes in shoes.items():
+        posed[index], normals[index] = with_shoes(posed[index], normals[index], toes)
     bodies = prepare_meshes(list(posed.values()), faces, longest_edge=LONGEST_BODY_EDGE_M)
-    mesh, caster = None, None if bodies is None else bodies.caster
-    if not posed:
-        return DressedBodies({}, {}, {}, {}, {}, mesh, bodies)
-    model = _model(result)
-    if model is not None and model.name == "embedded":
-        mesh = embedded_coordinates()
-    others, parts, pull = _sides_and_parts(model, len(result.people[0].vertices))
+    caster = None if bodies is None else bodies.caster
+    mesh = embedded_coordinates() if model is not None and model.name == "embedded" else None
     colors, fill, tone = dict[int, "UInt8Array"](), dict[int, "Array"](), dict[int, "Array"]()
     filled, shown = dict[int, "NDArray[np.float32]"](), dict[int, float]()
+    others, parts, pull = _sides_and_parts(model, len(result.people[0].vertices) if posed else 0)
     for index, vertices in posed.items():
-        normals = vertex_normals(vertices, faces)
-        photo, seen, near = photo_colors(result, index, vertices, normals, caster)
+        photo, seen, near = photo_colors(result, index, vertices, normals[index], caster)
         hair = None if model is None else _hair(result, index, vertices, model, parts)
         fill[index] = _fill(photo, near, faces, others, parts, pull, hair)
-        tone[index] = _DARK + (_LIGHT - _DARK) * (0.5 + 0.5 * normals @ _light(result))
+        tone[index] = _DARK + (_LIGHT - _DARK) * (0.5 + 0.5 * normals[index] @ _light(result))
         colors[index] = _mixed(photo, near, fill[index] * tone[index][:, None])
         filled[index] = (1 - seen).astype(np.float32)
         areas = vertex_areas(vertices, faces)
         shown[index] = float(areas[seen > _SURE].sum() / max(areas.sum(), 1e-12))
-    return DressedBodies(colors, fill, tone, filled, shown, mesh, bodies)
+    return DressedBodies(colors, fill, tone, filled, shown, shoes, posed, normals, mesh, bodies)
 
 
 @kept_for_next_picture
@@ -132,8 +139,7 @@ def dressed_texture(
         darken: whether what is guessed is darker.
     """
     dressed, faces = dressed_bodies(result), np.asarray(result.faces, np.int64)
-    vertices = result.people[index].vertices.astype(np.float64)
-    points, normals = (raster.interpolate(faces, values) for values in (vertices, vertex_normals(vertices, faces)))
+    points, normals = (raster.interpolate(faces, of[index]) for of in (dressed.vertices, dressed.normals))
     caster = None if dressed.bodies is None else dressed.bodies.caster
     photo, seen, near = photo_colors(result, index, points, normals, caster)
     guess = dressed.fill[index] * dressed.tone[index][:, None] if darken else dressed.fill[index]

@@ -117,17 +117,18 @@ def pack_bodies(reconstruction: Reconstruction) -> dict[str, Any]:
 
     Returns:
         ``faces``; ``split``, the vertex of each index in ``faces`` from the number of vertices on, and ``uv`` of all
-        indices if bodies have textures, else None; and, for each person, ``people``: ``points``; ``texture`` (a data
-        URL), or ``colors`` of the vertices (three bytes sRGB each); ``contact``, a byte per vertex, from 0 without
-        contact to 255 for likely contact; ``partner``, the index into ``partners`` plus one, 0 without contact (None in
-        a result without partners). A person without a body is None.
+        indices if bodies have textures, else None; and, for each person, ``people``: ``points``; ``shoes``, the
+        ``vertices`` that shoes move and their ``points`` there (None of a coarse body); ``texture`` (a data URL), or
+        ``colors`` of the vertices (three bytes sRGB each); ``contact``, a byte per vertex, from 0 without contact to
+        255 for likely contact; ``partner``, the index into ``partners`` plus one, 0 without contact (None in a result
+        without partners). A person without a body is None.
     """
     people, dressed = reconstruction.people, dressed_bodies(reconstruction)
     faces = np.asarray(reconstruction.faces, np.int64)
     bodies = [person for person in people if is_posed(person)]
     ids = np.arange(len(bodies[0].vertices)) if bodies else np.zeros(0, np.int64)
-    groups, mesh = ids, dressed.mesh
-    if len(bodies) > MAX_FULL_BODIES:
+    groups, mesh, whole = ids, dressed.mesh, len(bodies) <= MAX_FULL_BODIES
+    if not whole:
         ids, faces, groups = _coarse(bodies[0].vertices, faces)
         mesh = None
     if mesh is not None:
@@ -138,8 +139,11 @@ def pack_bodies(reconstruction: Reconstruction) -> dict[str, Any]:
         strength = np.zeros(len(ids))
         np.maximum.at(strength, groups, contact_strength(person))
         texture = None if mesh is None else photo_jpeg(images[index], len(images[index]), 88)
+        shod = dressed.vertices[index]
+        moved = np.flatnonzero((shod != person.vertices).any(1))
         return {
             "points": pack_points(person.vertices[ids]),
+            "shoes": {"vertices": pack_indices(moved), "points": pack_points(shod[moved])} if whole else None,
             "texture": texture,
             "colors": pack_bytes(dressed.colors[index][ids]) if texture is None else None,
             "contact": pack_bytes(np.ceil(255 * strength)),

@@ -1,0 +1,59 @@
+"""Shoes, for display: toes under one cap, unless the photo shows bare feet."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+
+from physic_core import Reconstruction
+from physic_core.body import load_body
+from physic_core.body.joints import JOINT_INDEX
+from physic_core.geometry.mesh import vertex_normals
+from physic_core.visual.textures.dressed import dressed_bodies
+from physic_core.visual.textures.shoes import with_shoes
+
+SKIN, DARK_SKIN, BLACK, GREY, RED = [222, 175, 150], [120, 80, 62], [25, 25, 28], [150, 150, 150], [200, 30, 40]
+
+
+def with_legs_of_colour(result: Reconstruction, color: list[int]) -> Reconstruction:
+    image = result.image.copy()
+    for person in result.people:
+        image[person.mask] = SKIN
+        rows, columns = np.nonzero(person.mask)
+        legs = rows > np.median(rows)
+        image[rows[legs], columns[legs]] = color
+    return replace(result, image=image)
+
+
+@pytest.mark.parametrize(("color", "shod"), [(SKIN, 0), (DARK_SKIN, 0), (BLACK, 2), (GREY, 2), (RED, 2)])
+def test_feet_have_shoes_unless_they_have_the_colour_of_skin(result: Reconstruction, color: list[int], shod: int):
+    dressed = dressed_bodies(with_legs_of_colour(result, color))
+    for index, person in enumerate(result.people):
+        assert len(dressed.shoes[index]) == shod
+        moved = (dressed.vertices[index] != person.vertices).any(1)
+        assert moved.any() == bool(shod)
+
+
+def test_feet_that_no_photo_shows_have_shoes(result: Reconstruction):
+    person = replace(result.people[0], mask=np.zeros_like(result.people[0].mask))
+    assert len(dressed_bodies(replace(result, people=(person,))).shoes[0]) == 2
+
+
+def test_a_shoe_is_the_hull_of_the_toes_and_stands_where_they_stood():
+    model = load_body("embedded")
+    vertices, faces = model.skin.template.T.double().numpy(), model.faces.numpy()
+    weight = model.skin.weights[JOINT_INDEX["left_foot"]].double().numpy()
+    shod, normals = with_shoes(vertices, vertex_normals(vertices, faces), [weight])
+    np.testing.assert_array_equal(shod[weight == 0], vertices[weight == 0])
+    toes = weight == 1
+    hull = ConvexHull(vertices[weight > 0])
+    inside = -(shod[toes] @ hull.equations[:, :3].T + hull.equations[:, 3]).max(1)
+    np.testing.assert_allclose(inside, 0, atol=1e-6)
+    before = -(vertices[toes] @ hull.equations[:, :3].T + hull.equations[:, 3]).max(1)
+    assert before.max() > 0.005  # between the toes
+    for extreme in (np.min, np.max):
+        np.testing.assert_allclose(extreme(shod, 0), extreme(vertices, 0), atol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-6)
