@@ -55,6 +55,9 @@ SKINS = ("photo", "neutral", "contact")
 _CONTACT_TEXELS = 256
 """Texels along a side of the picture of contact; one is 7 mm of skin, and vertices are 1 to 2 cm apart."""
 
+_PART_VERTICES = 60_000
+"""Vertices of a part of the scene: with the next row of pixels, their indices are of 16 bits."""
+
 _FLOOR_OPACITY, _ASSUMED_OPACITY = 0.35, 0.6
 
 
@@ -337,11 +340,15 @@ def _add_mesh(
     **node: int,
 ) -> int:
     """Add a mesh of faces (F, 3) with the material of a look, and return the index of its node."""
-    indices = glb.accessor(faces.reshape(-1).astype(np.uint16 if faces.max() < 65535 else np.uint32), INDICES)
-    number = glb.material(look.material)
-    primitive = {"attributes": attributes, "indices": indices, "material": number, **look.primitive}
-    mesh = glb.add("meshes", {"name": name, "primitives": [primitive]})
+    mesh = glb.add("meshes", {"name": name, "primitives": [_primitive(glb, attributes, faces, look)]})
     return glb.add("nodes", {"name": name, "mesh": mesh, **node})
+
+
+def _primitive(
+    glb: GlbBuilder, attributes: dict[str, int], faces: NDArray[np.integer[Any]], look: Appearance
+) -> dict[str, Any]:
+    indices = glb.accessor(faces.reshape(-1).astype(np.uint16 if faces.max() < 65535 else np.uint32), INDICES)
+    return {"attributes": attributes, "indices": indices, "material": glb.material(look.material), **look.primitive}
 
 
 def textured_scene(result: Reconstruction, frame: ExportFrame) -> _Background:
@@ -361,14 +368,22 @@ def _add_scene(glb: GlbBuilder, background: _Background, request: ExportRequest)
     nodes = []
     for name, mesh in meshes.items():
         if len(mesh.faces):
-            vertices = transform_points(request.frame.from_camera, mesh.vertices)
-            attributes = {
-                "POSITION": glb.accessor(vertices.astype(np.float32), ARRAY, bounds=True),
-                "TEXCOORD_0": glb.accessor(((mesh.pixels + 0.5) / background.size).astype(np.float32), ARRAY),
-            }
+            vertices = transform_points(request.frame.from_camera, mesh.vertices).astype(np.float32)
+            places = ((mesh.pixels + 0.5) / background.size).astype(np.float32)
             # From outside, the backdrop must not hide what is before it.
             look = Appearance(photo | {"name": name, "doubleSided": mesh is background.surface})
-            nodes.append(_add_mesh(glb, name, attributes, mesh.faces, look))
+            primitives, first = [], mesh.faces.min(1)
+            for start in range(0, len(vertices), _PART_VERTICES):
+                faces = mesh.faces[(start <= first) & (first < start + _PART_VERTICES)]
+                if len(faces):
+                    own = slice(start, faces.max() + 1)
+                    attributes = {
+                        "POSITION": glb.accessor(vertices[own], ARRAY, bounds=True),
+                        "TEXCOORD_0": glb.accessor(places[own], ARRAY),
+                    }
+                    primitives.append(_primitive(glb, attributes, faces - start, look))
+            entry = glb.add("meshes", {"name": name, "primitives": primitives})
+            nodes.append(glb.add("nodes", {"name": name, "mesh": entry}))
     if len(background.backdrop.faces):
         glb.tree["nodes"][nodes[-1]]["extras"] = {
             "meaning": BACKDROP,

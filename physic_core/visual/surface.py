@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from physic_core.types import Reconstruction, Scene
 
 _MAX_VERTICES = 130_000
-"""Maximum number of vertices; its GLB then stays under 7 MB, at 44 bytes a vertex with two triangles."""
+"""Maximum number of vertices; its GLB then stays under 5 MB, at 32 bytes a vertex with two triangles."""
 
 _MAX_DEPTH_RATIO = 1.06
 """Maximum depth ratio of neighbours on one surface; 1.03-1.1 works."""

@@ -193,6 +193,19 @@ def test_vertices_are_the_camera_s_under_the_stated_matrix(content, reconstructi
     np.testing.assert_array_equal(mesh.faces, reconstruction.faces)
 
 
+def test_a_large_scene_has_indices_of_16_bits_and_all_its_triangles(reconstruction):
+    large = replace(reconstruction, people=(), scene=flat_scene(np.full((300, 400), 3.0)))
+    content, surface = combined_glb(large), mesh_scene(large.scene, scene_reach(large))
+    assert len(surface.vertices) > 65535
+    tree = tree_of(content)
+    (scene,) = (mesh for mesh in tree["meshes"] if mesh["name"] == "scene")
+    assert {tree["accessors"][part["indices"]]["componentType"] for part in scene["primitives"]} == {5123}
+    parts = [mesh for name, mesh in opened(content).geometry.items() if name.startswith("scene")]
+    assert sum(len(part.faces) for part in parts) == len(surface.faces)
+    whole = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
+    assert sum(part.area for part in parts) == pytest.approx(whole.area, rel=1e-5)
+
+
 def test_materials_are_unlit_as_the_photo_brings_its_own_light(content):
     tree = tree_of(content)
     photo, floor, people = tree["materials"]
