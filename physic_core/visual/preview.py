@@ -125,6 +125,8 @@ def preview_png(reconstruction: Reconstruction) -> bytes:
 
 def preview_image(reconstruction: Reconstruction) -> Image.Image:
     """Render photo, overlay, depth, three views and a table of people in one image, 1280 px wide."""
+    import cv2
+
     height, width = reconstruction.image.shape[:2]
     geometry = build_preview_geometry(reconstruction)
     room = _WIDTH - 2 * _MARGIN
@@ -147,9 +149,10 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
     _draw_panel(page, mesh, "People over the photo", overlay_panel(reconstruction, geometry, mesh.width, mesh.height))
     draw_unposed(pen, reconstruction, mesh.x, mesh.y, mesh.width, mesh.height)
     _name_people(pen, mesh, reconstruction)
-    _draw_panel(page, depth, _DEPTH_TITLE, depth_panel(reconstruction, depth.width, depth.height))
+    depths = depth_panel(reconstruction, depth.width, depth.height)
+    _draw_panel(page, depth, _DEPTH_TITLE, depths)
     _depth_bar(page, depth, depth_range(reconstruction))
-    if not reconstruction.scene.valid.all():
+    if cv2.erode((depths == UNKNOWN_RGB).all(-1).astype(np.uint8), np.ones((3, 3))).any():  # a pixel is not seen
         at = depth.x + 6, depth.y + depth.height - 6
         pen.text(
             at,
