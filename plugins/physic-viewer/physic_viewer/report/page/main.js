@@ -86,7 +86,7 @@ async function start() {
   badge.classList.add(data.grade ?? "soft");
   const byFocal = data.distance_sigma > data.scale_sigma
     ? `; with the error of the focal length, distances from the camera ±${(100 * data.distance_sigma).toFixed(0)} %` : "";
-  byId("summary").textContent = data.summary + byFocal;
+  byId("summary").textContent = (data.summary + byFocal).replaceAll(" %", "\u00a0%");
   showRemarks(byId("remarks"), data);
   showChecks(byId("checks"), data);
   showLicenses(byId("licenses"), data);
