@@ -192,9 +192,10 @@ def summary_lines(photos: Sequence[Comparison], only: tuple[Sequence[Path], Sequ
         f"people in both: {len(pairs)}; only in A: {sum(person.index[1] is None for person in people)}; "
         f"only in B: {sum(person.index[0] is None for person in people)}"
     ]
-    steps = Counter(_step(person.grade) for person in pairs)
-    if graded := [f"{steps[step]} {step}" for step in ("better", "worse", "the same") if steps[step]]:
-        lines.append(f"grades of people in B: {', '.join(graded)}")
+    for what, grades in (("photos", [one.grade for one in photos]), ("people", [one.grade for one in pairs])):
+        steps = Counter(map(_step, grades))
+        if graded := [f"{steps[step]} {step}" for step in ("better", "worse", "the same") if steps[step]]:
+            lines.append(f"grades of {what} in B: {', '.join(graded)}")
     if joints:
         lines.append(f"medians of people: joints {1000 * median(joints):.0f} mm, pose {1000 * median(poses):.0f} mm")
     if ratios:
@@ -231,10 +232,10 @@ def comparison_page(
 
 
 def _by_photo(folder: Path) -> dict[tuple[str, int], Path]:
-    """Return the results below a folder by digest of the photo; equal photos are numbered."""
+    """Return the results below a folder by digest of the photo, sorted by their names; equal photos are numbered."""
     counts = Counter[str]()
     found = {}
-    for result in find_results(folder):
+    for result in sorted(find_results(folder), key=lambda one: one.name):
         photo = photo_identity_of_result(result) or str(result.relative_to(folder))
         found[photo, counts[photo]] = result
         counts[photo] += 1

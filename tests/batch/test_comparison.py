@@ -117,6 +117,12 @@ def saved(result: Reconstruction, other: Reconstruction, tmp_path: Path) -> list
     return [str(tmp_path / name) for name in "ab"]
 
 
+def test_photos_of_a_batch_are_sorted_by_name(result: Reconstruction, tmp_path: Path):
+    for place in ("a/1f/zoo", "a/2e/beach", "b/1f/zoo", "b/2e/beach"):
+        save_reconstruction(replace(result, photo=f"sha256:{place[2:]}"), tmp_path / place, "numbers")
+    assert [pair[0].name for pair in pair_results(tmp_path / "a", tmp_path / "b").both] == ["beach", "zoo"]
+
+
 def test_the_command_prints_a_table_or_json(saved: list[str]):
     done = CliRunner().invoke(main, ["compare", *saved])
     assert done.exit_code == 0, done.output
