@@ -164,7 +164,7 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
             stroke_fill=INK_RGB,
         )
     up = "" if reconstruction.scene.floor else " (up is the camera's)"
-    _draw_panel(page, aside, "Three-quarter view", view_from_aside(geometry, aside.width, aside.height))
+    _draw_panel(page, aside, "At an angle", view_from_aside(geometry, aside.width, aside.height))
     _draw_view(page, side, f"From the side{up}", side_view(geometry, side.width, side.height))
     _draw_view(page, above, "From above", top_view(geometry, above.width, above.height))
     if geometry.crowns:
