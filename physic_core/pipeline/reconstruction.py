@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
+import torch
+
 from physic_core.body.posture import photo_turned_deg
 from physic_core.interfaces import Repository
 from physic_core.pipeline.checks import failed_checks, grade_person, grade_photo, unknown_checks, warning_messages
@@ -33,8 +35,6 @@ def build_reconstruction(
     stages: StageRunner,
 ) -> Reconstruction:
     """Return the result of a photo; the messages of failed checks become warnings of the stages."""
-    import torch
-
     statures = model.stature(torch.as_tensor(solution.parameters.betas)).tolist()
     grades = [grade_person(checks, i) for i in range(len(estimates.people))]
     people = []

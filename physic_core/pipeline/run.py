@@ -22,7 +22,6 @@ from physic_core.configuration.resolve import ResolvedPipeline, require_availabl
 from physic_core.errors import ConfigError, InputError, PhysicError
 from physic_core.io.photo import Photo, photo_path_for_messages, read_photo
 from physic_core.pipeline.prepared_photo import prepare_photo
-from physic_core.pipeline.reconstruction import describe_sources
 from physic_core.pipeline.stage_runner import LoadedBackends, StageRunner, wrap_plugin_errors
 from physic_core.types import CameraTrust, Intrinsics, Reconstruction
 
@@ -320,7 +319,7 @@ def _reconstruct(
         return load_body(plan.body_model)
 
     # Beside the first networks: with torch and SciPy, the engine takes longer than two seconds to import.
-    threading.Thread(target=import_module, args=("physic_core.pipeline.optimise",), name="import engine").start()
+    threading.Thread(target=_import_engine, name="import engine").start()
     prepared = prepare_photo(photo, plan.photo, given.people, given.known)
     photo = prepared.photo
     stages.note(*photo.notes)
@@ -344,7 +343,7 @@ def _reconstruct(
                 stages.trim_cache()
     from physic_core.pipeline.checks import run_checks
     from physic_core.pipeline.optimise import run_engine
-    from physic_core.pipeline.reconstruction import build_reconstruction
+    from physic_core.pipeline.reconstruction import build_reconstruction, describe_sources
 
     estimates = replace(estimates, views=given.views)
     estimates = estimates if given.complete is None else given.complete(estimates)
@@ -356,6 +355,11 @@ def _reconstruct(
     found = build_reconstruction(estimates, solution, checks, load_model(), plan.config, stages)
     found = replace(found, lens=prepared.lens, diagnostics={**found.diagnostics, **sources})
     return found if prepared.border is None else prepared.border.added_to(found)
+
+
+def _import_engine() -> None:
+    with suppress(ImportError, OSError):  # as of a torch that is damaged: the import that needs it raises the error
+        import_module("physic_core.pipeline.optimise")
 
 
 @contextmanager
