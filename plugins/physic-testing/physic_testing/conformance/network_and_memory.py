@@ -35,14 +35,15 @@ def no_network() -> Iterator[list[str]]:
 
 
 def resident_megabytes() -> float:
-    """Return the resident memory of this process in MB; 0 if the system does not report it."""
-    try:
-        pages = int(Path("/proc/self/statm").read_text().split()[1])
-    except (OSError, ValueError, IndexError):
-        return 0.0
-    import resource
+    """Return the resident memory of this process without files in MB; 0 if the system does not report it.
 
-    return pages * resource.getpagesize() / 1e6
+    The system drops pages of files at any time, such as of libraries, which hides memory that a backend takes.
+    """
+    try:
+        lines = Path("/proc/self/status").read_text().splitlines()
+    except OSError:
+        return 0.0
+    return sum(int(line.split()[1]) * 1024 for line in lines if line.startswith(("RssAnon:", "RssShmem:"))) / 1e6
 
 
 def _in_words(place: object) -> str:
