@@ -318,12 +318,12 @@ def _reconstruct(
     def load_model() -> BodyModel:
         return load_body(plan.body_model)
 
-    # Beside the first networks: with torch and SciPy, the engine takes longer than two seconds to import.
-    threading.Thread(target=_import_engine, name="import engine").start()
     prepared = prepare_photo(photo, plan.photo, given.people, given.known)
     photo = prepared.photo
     stages.note(*photo.notes)
     with limited_threads(plan.config.run.threads):
+        # Beside the first networks: with torch, the engine takes longer than two seconds to import.
+        threading.Thread(target=_import_engine, name="import engine").start()
         try:
             estimates = run_backends(
                 photo.image,
