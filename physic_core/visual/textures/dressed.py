@@ -23,7 +23,7 @@ from physic_core.visual.palette import BODY_RGB
 from physic_core.visual.render import LONGEST_BODY_EDGE_M, RayCastMesh, prepare_meshes
 from physic_core.visual.rig import body_of_result
 from physic_core.visual.surface import kept_for_next_picture
-from physic_core.visual.textures.photo import photo_colors
+from physic_core.visual.textures.photo import SHOWN, photo_colors
 from physic_core.visual.textures.raster import (
     TextureCoordinates,
     TextureRaster,
@@ -51,7 +51,6 @@ photo shows."""
 GUESSED = "darker: guessed, not seen in the photo"
 """What a legend says of the clothes that no photo shows."""
 
-_SURE = 0.5  # weight from which the photo shows a vertex
 _LIGHT, _DARK = 0.9, 0.55  # of what is guessed, towards the light and away from it
 _HAIR_M = 0.25  # reach of hair around the joint of the head
 _DARKER = 35  # percentile of the colours beside the face: ears and background are mostly lighter than hair
@@ -113,7 +112,7 @@ def dressed_bodies(result: Reconstruction) -> DressedBodies:
         colors[index] = _mixed(photo, near, fill[index] * tone[index][:, None])
         filled[index] = (1 - seen).astype(np.float32)
         areas = vertex_areas(vertices, faces)
-        shown[index] = float(areas[seen > _SURE].sum() / max(areas.sum(), 1e-12))
+        shown[index] = float(areas[seen > SHOWN].sum() / max(areas.sum(), 1e-12))
     return DressedBodies(colors, fill, tone, filled, shown, shoes, posed, normals, mesh, bodies)
 
 

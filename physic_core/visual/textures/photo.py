@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 FULL_FACING, NO_FACING = 0.45, 0.15
 """Cosines between normal and ray to the camera: the photo has full weight above the first, none below the second."""
 
+SHOWN = 0.5
+"""Weight in the mask above which the photo shows a point."""
+
 RIM_SHARE = 0.006
 """Width of the rim of a mask, where colours mix with the background, as a share of the person's height in px."""
 
