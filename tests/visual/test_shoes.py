@@ -42,6 +42,14 @@ def test_feet_that_no_photo_shows_have_shoes(result: Reconstruction):
     assert len(dressed_bodies(replace(result, people=(person,))).shoes[0]) == 2
 
 
+@pytest.mark.parametrize("extent", [(0, 0, 0), (1, 1, 0)], ids=["point", "plane"])
+def test_a_body_without_volume_keeps_its_toes(result: Reconstruction, extent: tuple[int, int, int]):
+    person, middle = result.people[0], result.people[0].vertices.mean(0)
+    vertices = (middle + (person.vertices - middle) * np.array(extent)).astype(person.vertices.dtype)
+    flat = replace(result, people=(replace(person, vertices=vertices),))
+    np.testing.assert_array_equal(dressed_bodies(flat).vertices[0], vertices)
+
+
 def test_a_shoe_is_the_hull_of_the_toes_and_stands_where_they_stood():
     model = load_body("embedded")
     vertices, faces = model.skin.template.T.double().numpy(), model.faces.numpy()

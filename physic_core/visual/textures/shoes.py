@@ -83,7 +83,7 @@ def with_shoes(vertices: Array, normals: Array, toes: Sequence[Array]) -> tuple[
         normals: (V, 3) unit.
         toes: see :func:`worn_shoes`.
     """
-    from scipy.spatial import ConvexHull
+    from scipy.spatial import ConvexHull, QhullError
 
     vertices, normals = vertices.copy(), normals.copy()
     for weight in toes:
@@ -91,7 +91,10 @@ def with_shoes(vertices: Array, normals: Array, toes: Sequence[Array]) -> tuple[
         own, share = vertices[moved], weight[moved, None]
         hinge = share * (1 - share)
         middle = (hinge * own).sum(0) / hinge.sum()
-        facets = ConvexHull(own).equations
+        try:
+            facets = ConvexHull(own).equations
+        except QhullError:  # a foot without volume keeps its toes
+            continue
         # The walls between toes lie along the rays from their hinge, so that the hull is covered nearly once.
         rays = own - middle
         reached = rays @ facets[:, :3].T / -(facets[:, :3] @ middle + facets[:, 3])
