@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -35,14 +36,18 @@ def no_network() -> Iterator[list[str]]:
 
 
 def resident_megabytes() -> float:
-    """Return the resident memory of this process without files in MB; 0 if the system does not report it.
+    """Return the resident memory in use by this process without files in MB; 0 if the system does not report it.
 
-    The system drops pages of files at any time, such as of libraries, which hides memory that a backend takes.
+    Two things would hide memory that a backend takes. The system drops pages of files at any time, such as of
+    libraries. The C library keeps freed memory resident and hands it out again; glibc can be told to return it.
     """
-    try:
-        lines = Path("/proc/self/status").read_text().splitlines()
-    except OSError:
+    status = Path("/proc/self/status")
+    if not status.exists():
         return 0.0
+    libc = ctypes.CDLL(None)
+    if hasattr(libc, "malloc_trim"):
+        libc.malloc_trim(0)
+    lines = status.read_text().splitlines()
     return sum(int(line.split()[1]) * 1024 for line in lines if line.startswith(("RssAnon:", "RssShmem:"))) / 1e6
 
 
