@@ -12,6 +12,7 @@ import numpy as np
 import torch
 
 from physic_core import Pipeline, Reconstruction
+from physic_core.types.contacts import partner_titles
 from physic_core.types.results import pelvis_distance_m
 from physic_core.visual.panels import overlay_panel
 from physic_core.visual.views import build_preview_geometry
@@ -100,6 +101,7 @@ def _resized(picture: np.ndarray, height: int, width: int) -> torch.Tensor:
 
 def _document(result: Reconstruction, nearest: float | None) -> dict[str, Any]:
     """Return grade, people and their contacts; lengths are metres."""
+    titles = [partner_titles(one.partner for one in person.contacts) for person in result.people]
     people = [
         {
             "grade": person.grade,
@@ -107,14 +109,14 @@ def _document(result: Reconstruction, nearest: float | None) -> dict[str, Any]:
             "contacts": [
                 {
                     "part": one.part,
-                    "touches": one.partner.title,
+                    "touches": names[one.partner],
                     "probability": one.probability,
                     "assumed": one.assumed,
                 }
                 for one in person.contacts
             ],
         }
-        for person in result.people
+        for person, names in zip(result.people, titles, strict=True)
     ]
     return {"grade": result.grade, "nearest_depth_m": nearest, "people": people, "warnings": result.warnings}
 

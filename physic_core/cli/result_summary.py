@@ -14,7 +14,7 @@ from physic_core.cli.output import echo, format_table
 from physic_core.io.result_folder import REPORT_FILE
 from physic_core.io.results import PersonRecord, ResultRecord, read_record
 from physic_core.types import CheckResult, summarize_checks
-from physic_core.types.contacts import likely_contacts
+from physic_core.types.contacts import contacts_text
 from physic_core.types.results import distance_m, metres_text
 
 _HEAD = ("person", "grade", "distance", "likely contact", "why")
@@ -106,7 +106,7 @@ def _contact(person: PersonRecord) -> str:
         return "-"
     if not person.states_partners:
         return f"{person.contact_count} of {person.vertex_count} vertices"
-    texts = (likely_contacts(person.contacts, assumed=assumed) for assumed in (False, True))
+    texts = (contacts_text(person.contacts, assumed=assumed) for assumed in (False, True))
     return "; ".join(filter(None, texts)) or "none"
 
 

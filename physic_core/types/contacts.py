@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -54,6 +55,13 @@ class ContactPartner:
         return self.surface or ("floor" if self.kind == "floor" else f"surface {self.id}")
 
 
+def partner_titles(partners: Iterable[ContactPartner]) -> dict[ContactPartner, str]:
+    """Return the name for readers of each partner: its title, with its id where another has this title ("seat 3")."""
+    distinct = dict.fromkeys(partners)
+    count = Counter(one.title for one in distinct)
+    return {one: one.title if one.id is None or count[one.title] == 1 else f"{one.title} {one.id}" for one in distinct}
+
+
 @dataclass(frozen=True)
 class BodyContact:
     """Contact of one body part with one partner.
@@ -81,19 +89,26 @@ class BodyContact:
         """Whether the probability is at least one half, or not estimated."""
         return self.probability is None or self.probability >= 0.5
 
-    def __str__(self) -> str:
+    def text(self, partner: str) -> str:
+        """Return "left foot: floor, 0.97", with this name of the partner."""
         sure = "" if self.probability is None else f", {self.probability:.2f}"
-        return f"{part_words(self.part)}: {self.partner.title}{sure}{', assumed' if self.assumed else ''}"
+        return f"{part_words(self.part)}: {partner}{sure}{', assumed' if self.assumed else ''}"
+
+    def __str__(self) -> str:
+        return self.text(self.partner.title)
 
 
-def likely_contacts(contacts: Iterable[BodyContact], *, assumed: bool) -> str:
-    """Return the likely contacts of a person as one text, "left foot: floor, 0.97; ...".
+def contacts_text(contacts: Collection[BodyContact], *, likely: bool = True, assumed: bool | None = None) -> str:
+    """Return some contacts of a person as one text, "left foot: floor, 0.97; ...".
 
     Args:
-        contacts: of the person.
-        assumed: whether those of parts that no pixel shows are wanted, or the others.
+        contacts: all of the person, by which surfaces of one class are told apart.
+        likely: whether the likely ones are wanted, or the others.
+        assumed: whether those of parts that no pixel shows are wanted, or the others; None for both.
     """
-    return "; ".join(str(one) for one in contacts if one.likely and one.assumed == assumed)
+    titles = partner_titles(one.partner for one in contacts)
+    chosen = (one for one in contacts if one.likely == likely and assumed in (None, one.assumed))
+    return "; ".join(one.text(titles[one.partner]) for one in chosen)
 
 
 _HIDDEN_BELOW = {
@@ -153,7 +168,8 @@ class Support:
 
     def __str__(self) -> str:
         largest = sorted(self.contacts, key=lambda one: -one.vertices)
-        on = {one.part: one.partner.title for one in reversed(largest) if one.partner.kind != "hidden"}
+        titles = partner_titles(one.partner for one in self.contacts)
+        on = {one.part: titles[one.partner] for one in reversed(largest) if one.partner.kind != "hidden"}
         seen = [
             f"{part_words(part)} on {on[part]}"
             for part in dict.fromkeys(one.part for one in self.contacts)

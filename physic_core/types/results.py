@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import InputError
 from physic_core.types.arrays import shape
-from physic_core.types.contacts import PARTNER_KINDS, likely_contacts
+from physic_core.types.contacts import PARTNER_KINDS, contacts_text
 from physic_core.types.records import Grade
 from physic_core.types.short_repr import ShortRepr
 
@@ -429,8 +429,8 @@ _ROW: dict[str, Callable[[Reconstruction, int], Any]] = {
     "stature_sigma_m": lambda result, index: _millimetres(
         spread_m(result.people[index].stature, result.people[index].stature_sigma)
     ),
-    "contacts": lambda result, index: likely_contacts(result.people[index].contacts, assumed=False),
-    "assumed": lambda result, index: likely_contacts(result.people[index].contacts, assumed=True),
+    "contacts": lambda result, index: contacts_text(result.people[index].contacts, assumed=False),
+    "assumed": lambda result, index: contacts_text(result.people[index].contacts, assumed=True),
 }
 
 PERSON_COLUMNS = ("id", *_ROW)

@@ -15,7 +15,7 @@ from PIL import Image, ImageDraw, ImageFont
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.geometry.upright import gltf_from_camera, transform_points
 from physic_core.types import Grade
-from physic_core.types.contacts import likely_contacts
+from physic_core.types.contacts import contacts_text
 from physic_core.types.results import metres_text
 from physic_core.visual.palette import painted_contact, person_color
 from physic_core.visual.render import (
@@ -285,8 +285,8 @@ def _cells(reconstruction: Reconstruction, index: int, touch_px: float, why_px: 
     """Return the lines of grade, distance, contact and reasons, each with its colour."""
     person = reconstruction.people[index]
     distance, sigma = float(np.linalg.norm(person.joints[0])), reconstruction.distance_sigmas[index]
-    likely, assumed = (likely_contacts(person.contacts, assumed=one) for one in (False, True))
-    possible = "; ".join(str(contact) for contact in person.contacts if not contact.likely)
+    likely, assumed = (contacts_text(person.contacts, assumed=one) for one in (False, True))
+    possible = contacts_text(person.contacts, likely=False)
     touches: list[Line] = []
     if likely:
         touches.append((likely, INK_RGB))

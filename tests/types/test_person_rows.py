@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from physic_core.types import BodyContact, CheckResult, CheckState, ContactPartner, Grade, Reconstruction
+from physic_core.types import BodyContact, CheckResult, CheckState, ContactPartner, Grade, Reconstruction, Support
 from physic_core.types.results import PERSON_COLUMNS, person_rows
 
 
@@ -75,6 +75,17 @@ def test_a_row_says_where_a_person_is_and_what_is_known(two_people: Reconstructi
         },
     ]
     assert all(["id", *row] == list(PERSON_COLUMNS) for row in person_rows(two_people))
+
+
+def test_two_surfaces_of_one_class_are_told_apart_in_rows_and_support(reconstruction: Reconstruction) -> None:
+    water, pool, seat = (ContactPartner("scene", name, id) for name, id in (("water", 0), ("water", 4), ("seat", 2)))
+    touched = {"left_foot": water, "right_foot": pool, "seat": seat}
+    contacts = tuple(BodyContact(part, partner, 0.9, 20) for part, partner in touched.items())
+    person = replace(reconstruction.people[0], contacts=contacts)
+    row = person_rows(replace(reconstruction, people=(person,)))[0]
+    assert row["contacts"] == "left foot: water 0, 0.90; right foot: water 4, 0.90; buttocks: seat, 0.90"
+    support = Support("balanced", contacts, None, (0.0, 0.0, 1.0))
+    assert str(support) == "balanced: left foot on water 0, right foot on water 4, buttocks on seat"
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import numpy as np
 
 from physic_core.errors import PhysicError
 from physic_core.geometry.mesh import vertex_areas
-from physic_core.types.contacts import part_words
+from physic_core.types.contacts import part_words, partner_titles
 from physic_core.visual.palette import contact_color, contact_colors, person_color, person_tint
 from physic_viewer.report.surfaces import is_posed
 
@@ -101,6 +101,7 @@ def people_records(reconstruction: Reconstruction) -> list[dict[str, Any]]:
 
 
 def _record(person: Person, index: int) -> PersonRecord:
+    titles = partner_titles(contact.partner for contact in person.contacts)
     return PersonRecord(
         grade=None if person.grade is None else str(person.grade),
         box=[float(edge) for edge in person.box] if person.mask.any() else None,
@@ -109,7 +110,7 @@ def _record(person: Person, index: int) -> PersonRecord:
         posed=is_posed(person),
         contact_vertices=int(np.sum(person.contact)),
         vertices=len(person.vertices),
-        contacts=[_contact(contact) for contact in person.contacts],
+        contacts=[_contact(contact, titles[contact.partner]) for contact in person.contacts],
         support=None if person.support is None else str(person.support),
     )
 
@@ -128,10 +129,10 @@ def _with_distances(
     return replace(record, camera=camera, pelvis=pelvis.tolist(), others=others, **_heights(reconstruction, person))
 
 
-def _contact(contact: BodyContact) -> dict[str, Any]:
+def _contact(contact: BodyContact, partner: str) -> dict[str, Any]:
     return {
         "part": part_words(contact.part),
-        "partner": contact.partner.title,
+        "partner": partner,
         "color": list(contact_color(contact.partner)),
         "probability": contact.probability,
         "likely": contact.likely,
