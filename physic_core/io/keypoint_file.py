@@ -36,12 +36,14 @@ class GivenKeypoints(ShortRepr):
         joint: K names.
         points: (K, 2) px.
         numbered: whether ``person`` is a number in the result; otherwise people are matched to annotations.
+        file_px: px of the photo file in one px of ``points``.
     """
 
     person: tuple[int, ...]
     joint: tuple[str, ...]
     points: FloatArray
     numbered: bool
+    file_px: float = 1.0
 
     def moved(self, move: Callable[[FloatArray], FloatArray]) -> GivenKeypoints:
         """Return the keypoints with their pixels (K, 2) mapped by a function."""

@@ -102,6 +102,7 @@ class Estimates(ShortRepr):
         scale_guess: warning that the scale of ``depth`` is a guess, or "".
         views: what other cameras show of the same people.
         given_keypoints: (N, J), which of ``keypoints`` the user gave; None if none.
+        file_px: px of the photo file in one px of ``image``, stated if ``given_keypoints`` are.
     """
 
     image: UInt8Array
@@ -126,6 +127,7 @@ class Estimates(ShortRepr):
     scale_guess: str = ""
     views: tuple[OtherView, ...] = ()
     given_keypoints: BoolArray | None = None
+    file_px: float = 1.0
 
 
 def run_backends(
@@ -218,6 +220,7 @@ def run_backends(
         known=sizes,
         statures=known.stature,
         given_keypoints=changed,
+        file_px=1.0 if given_keypoints is None else given_keypoints.file_px,
     )
 
 

@@ -201,18 +201,19 @@ def corrected_keypoints(
         if world is not None:
             world[person, [column, *with_it]] = np.nan
     corrected = replace(keypoints, points=points, confidence=confidence, world=world, sigma=sigma)
-    return corrected, changed, (_what_changed(keypoints, corrected, changed), *strangers)
+    return corrected, changed, (_what_changed(keypoints, corrected, changed, given.file_px), *strangers)
 
 
-def _what_changed(before: Keypoints, after: Keypoints, changed: BoolArray) -> str:
-    """Return a note on how many keypoints the user changed (N, J), and on the one that moved farthest."""
+def _what_changed(before: Keypoints, after: Keypoints, changed: BoolArray, file_px: float) -> str:
+    """Return a note on how many keypoints the user changed (N, J), and on the one that moved farthest, px of the
+    file."""
     if not changed.any():
         return "the given keypoints are those of the detector: they change nothing"
     moved = np.where(changed, np.linalg.norm(after.points - before.points, axis=-1), -1.0)
     person, column = (int(i) for i in np.unravel_index(moved.argmax(), moved.shape))
     return (
         f"given keypoints: {changed.sum()}; the {keypoint_in_words(after.joint_set.names[column])} of person {person} "
-        f"lies {moved.max():.0f} px from the detected one{', the others less' if changed.sum() > 1 else ''}"
+        f"lies {moved.max() * file_px:.0f} px from the detected one{', the others less' if changed.sum() > 1 else ''}"
     )
 
 

@@ -78,6 +78,7 @@ def prepare_photo(
     keypoints = None if settings.keypoints is None else read_keypoints(settings.keypoints, *file_size)
     if keypoints is not None:
         keypoints = keypoints.moved(lambda pixels: (pixels + 0.5) * np.divide((width, height), file_size) - 0.5)
+        keypoints = replace(keypoints, file_px=file_size[0] / width)
     if inside is not None:
         corner, border = np.array([inside[1].start, inside[0].start]), Border(photo.image, inside)
         moved = move_pixels(prompt, sizes, lambda pixels: pixels - corner, lambda mask: mask[inside])

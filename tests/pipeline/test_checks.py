@@ -363,13 +363,15 @@ def test_a_given_size_that_the_photo_contradicts_makes_a_person_doubtful(
 @pytest.mark.parametrize(
     ("far", "message"),
     [
-        (124.0, "the given right wrist lies 124 px from where the rest of the photo puts it: "),
+        (124.0, "the given right wrist lies 186 px from where the rest of the photo puts it: "),
         (24.0, "Given keypoints off the body: 4.80 sigma (limit 5 sigma)"),
     ],
 )
 def test_a_given_keypoint_that_the_body_misses_makes_a_person_doubtful(far: float, message: str) -> None:
     report = {"given_keypoints_px": {"nose": 9.0, "right_wrist": far}, "stature_px": 500.0}
-    found = next(d for d in run_checks(*case(report=report)) if d.name == "given_keypoints")
+    estimates, solution = case(report=report)
+    vars(estimates)["file_px"] = 1.5
+    found = next(d for d in run_checks(estimates, solution) if d.name == "given_keypoints")
     assert found.message.startswith(message)
     others = tuple(d for d in run_checks(*case()) if d.person == 0 and not d.failed and d.ok)
     assert grade_person((*others, found), 0) is (Grade.DOUBTFUL if far > 25 else Grade.GOOD)

@@ -11,8 +11,11 @@ import numpy as np
 import pytest
 
 from physic_core import InputError, reconstruct
+from physic_core.configuration.model import PhotoSettings
 from physic_core.io.keypoint_file import read_keypoints
+from physic_core.io.photo import read_photo
 from physic_core.pipeline.known_people import corrected_keypoints
+from physic_core.pipeline.prepared_photo import prepare_photo
 from physic_core.types import SKELETONS, Keypoints, People
 from physic_testing.worlds import World
 
@@ -95,6 +98,16 @@ def test_an_annotation_is_of_the_person_whose_box_and_mask_hold_its_points(tmp_p
     assert after.points[1, given] == pytest.approx(shown[given])
     assert after.points[1, LEFT_ELBOW] == pytest.approx(before.points[1, LEFT_ELBOW])
     assert len(notes) == 1
+
+
+def test_the_note_about_a_photo_that_is_made_smaller_states_px_of_its_file(tmp_path: Path) -> None:
+    file, (keypoints, people) = written(tmp_path, "person,joint,x,y\n0,left_wrist,200,100\n"), two_people()
+    settings = PhotoSettings(keypoints=str(file), max_side=160)
+    given = prepare_photo(read_photo(np.zeros((240, 320, 3), np.uint8)), settings, None, None).keypoints
+    assert given is not None
+    keypoints.points[0, LEFT_WRIST] = given.points[0] - [60, 0]
+    _, _, (note,) = corrected_keypoints(keypoints, given, people)
+    assert "120 px" in note
 
 
 def test_an_annotation_of_a_person_who_was_not_found_is_left_out_with_a_note(tmp_path: Path) -> None:

@@ -312,8 +312,9 @@ def given_keypoints(estimates: Estimates, solution: Solution, person: int) -> Me
     if not off:
         return None
     worst = max(off, key=off.__getitem__)
+    file_px = off[worst] * estimates.file_px
     return off[worst] / (ReprojectionSettings.sigma * report["stature_px"]), (
-        f"the given {keypoint_in_words(worst)} lies {off[worst]:.0f} px from where the rest of the photo puts it: "
+        f"the given {keypoint_in_words(worst)} lies {file_px:.0f} px from where the rest of the photo puts it: "
         "check the keypoints that you gave"
     )
 
