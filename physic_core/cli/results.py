@@ -198,7 +198,10 @@ def export(
     no_scene: bool,
     **options: Any,
 ) -> None:
-    """Export the result in folder OUT to a format of another program."""
+    """Export the result in folder OUT to a format of another program.
+
+    FBX is made of the GLB by Blender: the command is in docs/exports.md under FBX.
+    """
     from physic_core.discovery.plugins import find_exporter
 
     if name is None and path is None:

@@ -243,4 +243,6 @@ def find_exporter(name: str | None, suffix: str = "") -> Found[ExporterRecord]:
         if wanted in values
     ]
     hint = f"; '{wanted}' is an option: {' or '.join(options)}" if options else ""
+    if wanted == "fbx":
+        hint = "; FBX is made of the GLB by Blender: the command is in docs/exports.md under FBX"
     raise InputError(f"{what}: {choose} (--to, or format= in Python; physic export --list says what each is for){hint}")

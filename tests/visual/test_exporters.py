@@ -113,6 +113,13 @@ def test_an_unknown_format_names_the_missing_distribution_with_more_formats(
     assert "choose one of glb; further formats are in physic-export, which is not installed" in done.output
 
 
+def test_fbx_that_no_plugin_writes_is_refused_with_the_way_by_blender(saved_pair: Path):
+    for arguments in (("--to", "fbx"), ("-o", "a.fbx")):
+        done = physic("export", saved_pair, *arguments)
+        assert done.exit_code == 3
+        assert "docs/exports.md" in done.output
+
+
 def test_without_plugins_the_core_writes_glb(monkeypatch: pytest.MonkeyPatch, saved_pair: Path, tmp_path: Path):
     monkeypatch.setenv("PHYSIC_PLUGINS", "")
     *rows, rest = physic("export", "--list").output.splitlines()
