@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Set
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,15 +21,18 @@ from physic_core.errors import OutputError
 from physic_core.files.atomic import atomic_write, check_own, foreign_file, open_to_append
 from physic_core.files.text import from_json, parse_json, to_json, write_csv
 from physic_core.io.result_folder import PEOPLE_TABLE
-from physic_core.types.results import PERSON_COLUMNS
+from physic_core.types.results import PERSON_COLUMNS, SUMMARY_KEYS
 
 COLUMNS: Mapping[str, str] = {
     "id": "of the photo",
     "path": "absolute path of the photo",
     "state": '"done" or "failed"',
+    "grade": "of the result: good, doubtful or bad",
+    "checks_failed": "names of the failed self-checks, separated by spaces",
     "error": "class of the error; empty if done",
     "message": "of the error",
     "seconds": "wall-clock time of this photo, without loading models",
+    "peak_mb": "largest resident memory of the process so far, MB; empty if the photo failed",
     "attempts": "number of tries in this run",
     "finished": "end, UTC",
     "run": "number of the run in this folder",
@@ -42,11 +45,9 @@ COLUMNS: Mapping[str, str] = {
     "files": "names and sizes of the files, such as reconstruction.npz=2048 thumbnail=512",
     "result": "run that wrote the files, as they state it; empty without files",
     "version": "of physic-core",
-    "grade": "of the result: good, doubtful or bad",
-    "checks_failed": "names of the failed self-checks, separated by spaces",
-    "peak_mb": "largest resident memory of the process so far, MB; empty if the photo failed",
 }
-"""Columns of every row; rows of finished photos also have the numbers of ``Reconstruction.summary``."""
+"""Columns of every row; rows of finished photos also have the numbers of ``Reconstruction.summary``, which tables have
+before "seconds"."""
 
 THUMBNAIL = "thumbnail"
 """Name of the thumbnail in the column ``files``."""
@@ -56,7 +57,8 @@ PEOPLE_COLUMN = "people_rows"
 
 _ALWAYS = ("id", "state", "config", "finished")
 _TABLE = "summary.csv"
-_MARK = ",".join(COLUMNS)  # CSV has no comments: its first line is the mark
+_BEFORE_NUMBERS = tuple(COLUMNS)[: tuple(COLUMNS).index("seconds")]
+_MARK = ",".join(_BEFORE_NUMBERS)  # CSV has no comments: the start of its first line is the mark
 _PEOPLE_COLUMNS = ("id", "path", *(name for name in PERSON_COLUMNS if name != "id"))
 _PEOPLE_MARK = ",".join(_PEOPLE_COLUMNS)
 
@@ -195,11 +197,17 @@ def _row(line: bytes) -> dict[str, Any] | None:
 
 
 def all_columns() -> tuple[str, ...]:
-    """Return the columns that tables can have: those of the journal, then the numbers of all results."""
+    """Return the columns that tables can have, in their order."""
     from physic_core.pipeline.checks import CHECKS
-    from physic_core.types.results import SUMMARY_KEYS
 
-    return tuple(dict.fromkeys((*COLUMNS, *SUMMARY_KEYS, *(f"check_{name}" for name in CHECKS))))
+    return _in_order({*SUMMARY_KEYS, *(f"check_{name}" for name in CHECKS)} - COLUMNS.keys())
+
+
+def _in_order(numbers: Set[str]) -> tuple[str, ...]:
+    """Return the columns of a table: the photo and its grade, the numbers of its result, time, memory and files, and at
+    the end the values of the checks, by name."""
+    known = (name for name in SUMMARY_KEYS if name in numbers)
+    return tuple(dict.fromkeys((*_BEFORE_NUMBERS, *known, *COLUMNS, *sorted(numbers))))
 
 
 def check_tables(out: Path) -> None:
@@ -211,16 +219,15 @@ def check_tables(out: Path) -> None:
 def write_table(out: Path) -> Path:
     """Write ``summary.csv``, one row for each photo, and return its path.
 
-    Columns are those of the journal, then the numbers of the results, which are empty for failed photos. Texts are
-    those of :func:`physic_core.files.text.write_csv`.
+    Numbers of results are empty for failed photos. Texts are those of :func:`physic_core.files.text.write_csv`.
 
     Raises:
         OutputError: the file cannot be written, or no batch has written the one there.
     """
     check_own(out / _TABLE, mark=_MARK)
-    numbers = sorted({name for row in last_rows(out) for name in row} - COLUMNS.keys() - {PEOPLE_COLUMN})
+    numbers = {name for row in last_rows(out) for name in row} - COLUMNS.keys() - {PEOPLE_COLUMN}
     with atomic_write(out) as temporary, temporary(_TABLE).open("w", newline="", encoding="utf-8") as file:
-        write_csv(file, [*COLUMNS, *numbers], last_rows(out))
+        write_csv(file, _in_order(numbers), last_rows(out))
     return out / _TABLE
 
 

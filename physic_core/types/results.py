@@ -254,12 +254,12 @@ class Reconstruction(ShortRepr):
     def summary(self) -> dict[str, float | int | str | None]:
         """Return a flat dictionary, as one row of a table: the grade and numbers, None where not measured.
 
-        Keys: grade, people (bodies: those with a finite body), width_px, height_px, focal_px, focal_known, floor_found,
-        scene_valid_share, scene_scale, scale_sigma, distance_sigma, nearest_person_m and farthest_person_m (of the
-        pelvis from the camera), vertices_in_contact, contacts (likely pairs of a body part and what it touches, of all
+        Keys: grade, people (bodies: those with a finite body), failed_checks, unknown_checks, warnings,
+        nearest_person_m and farthest_person_m (of the pelvis from the camera), distance_sigma, scene_scale,
+        scale_sigma, floor_found, scene_valid_share, contacts (likely pairs of a body part and what it touches, of all
         people), ``contacts_with_KIND`` (of these, those with floor, scene, person, self, hidden or object),
-        failed_checks, unknown_checks, warnings, seconds, load_seconds, and ``check_NAME`` for each self-check, the
-        worst value of all people.
+        vertices_in_contact, focal_px, focal_known, width_px, height_px, seconds, load_seconds, and ``check_NAME`` for
+        each self-check, the worst value of all people.
         """
         values = {name: value(self) for name, value in _SUMMARY.items()}
         by_name: dict[str, list[CheckResult]] = defaultdict(list)
@@ -342,23 +342,23 @@ _SUMMARY: dict[str, Callable[[Reconstruction], float | int | str | None]] = {
     "grade": lambda result: None if result.grade is None else str(result.grade),
     "people": lambda result: len(result.people),
     "bodies": lambda result: len(_distances_m(result)),
-    "width_px": lambda result: result.intrinsics.width,
-    "height_px": lambda result: result.intrinsics.height,
-    "focal_px": lambda result: result.intrinsics.fy,
-    "focal_known": lambda result: int(result.intrinsics.known),
-    "floor_found": lambda result: int(result.scene.floor is not None),
-    "scene_valid_share": lambda result: float(result.scene.valid.mean()),
-    "scene_scale": lambda result: result.scene.scale,
-    "scale_sigma": lambda result: result.scene.scale_sigma,
-    "distance_sigma": lambda result: result.distance_sigma,
-    "nearest_person_m": lambda result: min(_distances_m(result), default=None),
-    "farthest_person_m": lambda result: max(_distances_m(result), default=None),
-    "vertices_in_contact": lambda result: sum(int(person.contact.sum()) for person in result.people),
-    "contacts": _touched,
-    **{f"contacts_with_{kind}": partial(_touched, kinds=(kind,)) for kind in PARTNER_KINDS},
     "failed_checks": lambda result: sum(check.failed for check in result.checks),
     "unknown_checks": lambda result: sum(not (check.ok or check.failed) for check in result.checks),
     "warnings": lambda result: len(result.warnings),
+    "nearest_person_m": lambda result: min(_distances_m(result), default=None),
+    "farthest_person_m": lambda result: max(_distances_m(result), default=None),
+    "distance_sigma": lambda result: result.distance_sigma,
+    "scene_scale": lambda result: result.scene.scale,
+    "scale_sigma": lambda result: result.scene.scale_sigma,
+    "floor_found": lambda result: int(result.scene.floor is not None),
+    "scene_valid_share": lambda result: float(result.scene.valid.mean()),
+    "contacts": _touched,
+    **{f"contacts_with_{kind}": partial(_touched, kinds=(kind,)) for kind in PARTNER_KINDS},
+    "vertices_in_contact": lambda result: sum(int(person.contact.sum()) for person in result.people),
+    "focal_px": lambda result: result.intrinsics.fy,
+    "focal_known": lambda result: int(result.intrinsics.known),
+    "width_px": lambda result: result.intrinsics.width,
+    "height_px": lambda result: result.intrinsics.height,
     "seconds": lambda result: sum(stage.seconds for stage in result.stages),
     "load_seconds": lambda result: sum(stage.load_seconds for stage in result.stages),
 }

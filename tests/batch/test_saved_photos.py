@@ -14,7 +14,7 @@ import pytest
 
 from physic_core import Reconstruction
 from physic_core.batch.contact_sheet import write_contact_sheet
-from physic_core.batch.journal import COLUMNS, Journal, write_people_table, write_table
+from physic_core.batch.journal import Journal, all_columns, write_people_table, write_table
 from physic_core.batch.photos import PhotoItem, photo_folder
 from physic_core.batch.process import BatchJob, PhotoProcessor, failed_row
 from physic_core.configuration.model import load_config
@@ -66,8 +66,19 @@ def test_the_table_has_a_row_for_each_photo(batch: Path):
         ("bad", "failed", ""),
         ("two", "done", "2"),
     ]
-    assert list(rows[0])[: len(COLUMNS)] == list(COLUMNS)
     assert rows[0]["folder"] == photo_folder("one")
+
+
+def test_columns_are_photo_grade_sizes_costs_files_and_checks_in_one_order(tmp_path: Path):
+    row = dict.fromkeys(reversed(all_columns()), "") | {"id": "one", "state": "done", "people_rows": []}
+    with Journal(tmp_path / "journal.jsonl") as journal:
+        journal.append(row)
+    header = write_table(tmp_path).read_text().splitlines()[0].split(",")
+    assert header == list(all_columns())
+    assert header[:7] == ["id", "path", "state", "grade", "checks_failed", "error", "message"]
+    places = ["people", "nearest_person_m", "scale_sigma", "contacts", "seconds", "folder", "check_bend"]
+    assert sorted(places, key=header.index) == places
+    assert all(name.startswith("check_") for name in header[header.index("check_bend") :])
 
 
 def people_of(out: Path) -> list[tuple[str, str, str]]:
