@@ -226,6 +226,7 @@ def base_row(job: BatchJob, item: PhotoItem) -> dict[str, Any]:
         "result": run_of_result(Path(job.out, photo_folder(item.id))) if job.save != "none" else "",
         "version": core_version(),
         "peak_mb": None,
+        "run": None,
     }
 
 
