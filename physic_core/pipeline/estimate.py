@@ -327,7 +327,7 @@ class _BackendCalls:
         if not len(people):
             if required:
                 raise _nobody(image, segmenter.title)
-            self.stages.note("no person was found: the result is only the scene")
+            self.stages.note("no person was found: the result is only the scene, and its scale is not confirmed")
         return people
 
     def keypoints(self, image: UInt8Array, people: People) -> Keypoints:

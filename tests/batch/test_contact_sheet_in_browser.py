@@ -29,6 +29,7 @@ def page(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
     path: Path = tmp_path_factory.mktemp("sheet") / "contact-sheet.html"
     cards = [card(number, grade) for number, grade in enumerate(GRADES)]
     cards[1]["checks"] = ["limb_keypoints"]
+    cards[2]["people"] = 0
     path.write_text(contact_sheet(cards, 3), encoding="utf-8")
     page = chromium.open(path.as_uri(), 960, 480)
     page.wait("document.getElementById('count').textContent")
@@ -50,6 +51,11 @@ def titles(page: Any) -> list[str]:
 def text(page: Any, selector: str) -> str:
     found: str = page.evaluate(f"document.querySelector({json.dumps(selector)}).innerText")
     return found
+
+
+def test_a_photo_without_people_says_why_it_is_doubtful(page: Any):
+    lines = page.evaluate("[...document.querySelectorAll('article.doubtful p.soft')].map(p => p.textContent).join()")
+    assert lines.startswith("no person was found")
 
 
 def test_totals_and_notes_stand_above_the_photos(page: Any):

@@ -370,5 +370,5 @@ def test_a_scene_alone_and_one_person_are_shown(people, make, show):
     assert page.evaluate(READY) == "3d"
     assert page.errors() == []
     assert page.picture("#view").std() > 15
-    assert ("Nobody is in this result" in text(page, "#people")) is (people == 0)
+    assert ("No person was found" in text(page, "#people")) is (people == 0)
     assert ("Stature" in text(page, "#people")) is (people == 1)  # the only person is chosen

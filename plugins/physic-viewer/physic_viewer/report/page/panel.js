@@ -15,7 +15,7 @@ function showPeople(section, data, selected, onSelect) {
     button.addEventListener("click", () => onSelect(index === selected ? null : index));
     return button;
   });
-  const title = data.people.length === 0 ? "Nobody is in this result" : "People";
+  const title = data.people.length === 0 ? "No person was found" : "People";
   const advice = selected === null && chips.length
     ? element("p", { className: "soft", textContent: "Choose a person here, or click on one." }) : null;
   const missing = data.unposed.length
