@@ -78,7 +78,8 @@ class Comparison:
 
     Attributes:
         photo: name of the photo, or of the folder of A if that is not known.
-        changed: backends, settings and versions that differ, such as "inpainter: embedded -> telea".
+        changed: backends, settings and versions that differ, such as "inpainter: embedded -> telea", after a sentence
+            about photos that differ.
         grade: of each result.
         focal_px: focal length of each camera.
         depth_m: median depth of each scene, over the pixels that both know; None without such pixels.
@@ -287,7 +288,7 @@ def _difference(one: FloatArray, other: FloatArray) -> JointDifference | None:
 
 
 def _changed(a: Reconstruction, b: Reconstruction) -> tuple[str, ...]:
-    """Return what differs in the configurations of two results, and in the versions of their plugins."""
+    """Return what differs in the photos and configurations of two results, and in the versions of their plugins."""
     one, other = (_settings(result) for result in (a, b))
     names = [name for name in dict.fromkeys((*one, *other)) if one.get(name) != other.get(name)]
     backends = tuple(f"{name}.options." for name in names if "." not in name)  # another backend has other options
@@ -299,7 +300,12 @@ def _changed(a: Reconstruction, b: Reconstruction) -> tuple[str, ...]:
         for result in (a, b)
     )
     changed |= {name: (old[name], new[name]) for name in old.keys() & new.keys() if old[name] != new[name]}
-    return tuple(f"{name}: {' -> '.join(_texts(name, values))}" for name, values in changed.items())
+    settings = tuple(f"{name}: {' -> '.join(_texts(name, values))}" for name, values in changed.items())
+    kinds = {one.photo.partition(":")[0] for one in (a, b)}  # of digest: of the file, or of the pixels
+    if a.photo == b.photo or len(kinds) > 1:
+        return settings
+    both = f"{a.photo_name or 'that of A'} and {b.photo_name or 'that of B'}"
+    return (f"the photo: {both} differ, so the rest is of use only if both show one scene from one place", *settings)
 
 
 def _settings(result: Reconstruction) -> dict[str, Any]:

@@ -81,6 +81,14 @@ def test_backends_and_settings_that_differ_are_listed(result: Reconstruction):
     assert changed_lines([option, compare_results(before, before)]) == [f"{option.changed[0]} (1 of 2 photos)"]
 
 
+def test_results_of_different_photos_are_compared_and_the_first_line_says_so(result: Reconstruction):
+    a, b = (replace(result, photo=f"sha256:{name}", photo_name=name) for name in ("a.jpg", "b.jpg"))
+    (line,) = compare_results(a, b).changed
+    assert "a.jpg and b.jpg differ" in line
+    pixels = replace(a, photo="pixels-sha256:a")
+    assert compare_results(a, a).changed == compare_results(a, pixels).changed == ()
+
+
 def test_a_person_of_one_result_alone_is_listed(result: Reconstruction):
     fewer = replace(result, people=result.people[1:])
     assert [person.index for person in compare_results(result, fewer).people] == [(0, None), (1, 0)]
