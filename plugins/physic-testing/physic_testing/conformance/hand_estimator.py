@@ -90,7 +90,7 @@ def check_confidence_is_that_of_each_hand(subject: BackendUnderTest) -> None:
     from physic_testing.conformance.exactness import is_proven
 
     if not is_proven(subject, TABLE):
-        raise CheckSkipped("the output is not exact, nor does the backend declare 'exact'")
+        raise CheckSkipped("only for a network that returns the ground truth ('exact' in its capabilities)")
     evidence = subject.evidence()
     seen = np.concatenate([case.truth.joints_visible[:, _WRISTS] for case, _ in evidence])
     sure = np.concatenate([hands.confidence for _, hands in evidence])

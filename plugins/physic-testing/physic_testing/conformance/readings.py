@@ -311,12 +311,12 @@ def _once(
 def _unseen(reading: Reading, margin: float) -> list[str]:
     """Return in words how much of a mistake is lost in three standard errors of ``margin``, if that is much."""
     if not reading.size:
-        return [f"{reading.words} (scatter {margin:.0%} of it)"] if margin + reading.limit > 1 else []
+        return [f"{reading.words} (uncertain by {margin:.0%} of it)"] if margin + reading.limit > 1 else []
     error = margin * reading.size
     least = min(reading.limit + error, max(SURE_SHARE * reading.limit, SURE_MARGINS * error))
     if least <= reading.size:
         return []
-    size = f"by less than {least:.2g}{reading.unit}" if least < _LOST * reading.size else "by whatever size"
+    size = f"by less than {least:.2g}{reading.unit}" if least < _LOST * reading.size else "by any amount"
     return [f"{reading.words}, {size}"]
 
 

@@ -35,7 +35,8 @@ class Result:
         hint: for a failure, a likely cause.
         reason: why the check was skipped or is expected to fail.
         read: module or class that documents the requirement.
-        unseen: mistakes that the check could not tell from errors of the network.
+        unseen: mistakes that the check could not judge, since errors of the network are as large, such as "to the
+            right, by less than 0.5 px".
         seconds: run time, including the first call of the backend on each photo.
         error: for a failure caused by an exception, the exception.
     """
@@ -143,7 +144,11 @@ class Report:
         if self.accuracy:
             numbers = ", ".join(f"{name} {value:.3g}" for name, value in self.accuracy.items())
             blocks.append(f"mean errors on synthetic photos, which no check judges: {numbers}")
-        blocks += [f"{r.check} could not tell: {', '.join(r.unseen)}" for r in self.results if r.unseen]
+        for r in self.results:
+            if r.unseen:
+                mistakes = "; or ".join(r.unseen)
+                what = f"{r.check} could not judge whether the output is {mistakes}"
+                blocks.append(f"{what}: errors of the network are as large")
         return "\n".join([*blocks, self.summary, self.verdict])
 
     @property
@@ -159,8 +164,8 @@ class Report:
             words.append(f"{len(self.warnings)} warned: {', '.join(r.check for r in self.warnings)}")
         if unseen:
             words.append(
-                f"{unseen} mistakes would be lost among the errors of this network: test the wrapper with a network "
-                "that knows the truth (capability `exact`)"
+                f"{unseen} possible mistakes could not be judged, since errors of the network are as large: test the "
+                "wrapper with a network that returns the ground truth (docs/plugins.md, Perfect networks)"
             )
         return "; ".join(words)
 

@@ -77,7 +77,7 @@ class CheckRun:
         for word in sorted(check.unless & capabilities):
             return Result(name, "skipped", reason=f"the backend declares '{word}'")
         for word in sorted(check.only_with - capabilities):
-            return Result(name, "skipped", reason=f"the backend does not declare '{word}'")
+            return Result(name, "skipped", reason=f"only for a backend with '{word}' in its capabilities")
         for other in check.after:
             found = self.result(other)
             if found.outcome in ("failed", "xfailed"):

@@ -103,6 +103,13 @@ def test_the_last_line_says_whether_the_backend_passed():
     assert passed.text.rpartition("\n")[2] == f"passed: {passed.counts['passed']} checks"
 
 
+def test_mistakes_that_errors_of_the_network_hide_are_named_and_counted():
+    hidden = Result("depth_is_in_metres", "passed", unseen=("to the right, by less than 0.5 px", "inverted"))
+    report = Report("metric_depth", "my-depth", "my-plugin", (hidden,))
+    assert all(mistake in report.text for mistake in hidden.unseen)
+    assert "2 possible mistakes" in report.verdict
+
+
 def test_an_expected_failure_is_no_failure():
     report = check_backend(CENTIMETRES, size=SIZE, expected_failures={"depth_is_in_metres": "known"})
     assert report.ok
