@@ -64,6 +64,19 @@ def graph() -> Callable[..., Path]:
 
 
 @pytest.fixture(scope="session")
+def constant_graph() -> Callable[..., Path]:
+    """``constant_graph(path, inputs, name=array, ...)``: an ONNX file that answers these arrays, whatever it is fed."""
+
+    def write(path: Path, inputs: Ports, **outputs: Any) -> Path:
+        held = {f"held_{name}": np.asarray(value, np.float32) for name, value in outputs.items()}
+        ports = {name: ("float32", np.shape(value)) for name, value in outputs.items()}
+        nodes = [helper.make_node("Identity", [f"held_{name}"], [name]) for name in outputs]
+        return write_graph(path, inputs, ports, nodes, held)
+
+    return write
+
+
+@pytest.fixture(scope="session")
 def node() -> Callable[..., onnx.NodeProto]:
     """``onnx.helper.make_node(kind, inputs, outputs, **attributes)``."""
     return helper.make_node
@@ -231,8 +244,8 @@ def stand_in() -> Callable[[type, Callable[[Any], Iterable[StandInNetwork]]], ty
 def loaded() -> Callable[..., Any]:
     """``loaded(Adapter, path, **options)``: the adapter with this file."""
 
-    def load(kind: Any, path: str, **options: Any) -> Any:
-        backend = kind(kind.Options(weights=path, **options))
+    def load(kind: Any, path: str | Path, **options: Any) -> Any:
+        backend = kind(kind.Options(weights=str(path), **options))
         backend.load()
         return backend
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from importlib import resources
 from pathlib import Path
 
@@ -17,9 +18,7 @@ from physic_onnx.depth_anything import (
     PUBLISHED,
     VIEWS,
     DepthAnythingMetric,
-    DepthAnythingMetricOptions,
     DepthAnythingRelative,
-    DepthAnythingRelativeOptions,
     has_sigmoid,
     preprocess,
 )
@@ -31,6 +30,7 @@ from .tiny_classes import depth_anything
 IMAGENET_MEAN, IMAGENET_STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
 FREE = ("batch_size", 3, "height", "width")
 FREE_MAP = ("batch_size", "height", "width")
+ONE_PHOTO = {"takes": "image", "gives": "depth", "shape": (1, 3, 252, 252), "map_shape": (1, 252, 252)}
 
 
 @pytest.fixture
@@ -65,16 +65,14 @@ def contract_graph(graph, node, tmp_path):
     return build
 
 
-def relative(path: str, **options) -> DepthAnythingRelative:
-    backend = DepthAnythingRelative(DepthAnythingRelativeOptions(weights=path, **options))
-    backend.load()
-    return backend
+@pytest.fixture
+def relative(loaded):
+    return partial(loaded, DepthAnythingRelative)
 
 
-def metric(path: str, **options) -> DepthAnythingMetric:
-    backend = DepthAnythingMetric(DepthAnythingMetricOptions(weights=path, **options))
-    backend.load()
-    return backend
+@pytest.fixture
+def metric(loaded):
+    return partial(loaded, DepthAnythingMetric)
 
 
 def normalised(image: np.ndarray, channel: int = 0) -> np.ndarray:
@@ -95,7 +93,7 @@ class TestExports:
             ("x", "y", OTHER),
         ],
     )
-    def test_ports_are_known_by_their_names_or_their_place(self, contract_graph, takes, gives, signature):
+    def test_ports_are_known_by_their_names_or_their_place(self, contract_graph, takes, gives, signature, relative):
         backend = relative(contract_graph(takes=takes, gives=gives))
         assert backend.network.signature == signature
         backend.infer(ramp(196, 252), Hints())
@@ -114,7 +112,7 @@ class TestExports:
         assert answer.valid[52:].all()
         assert np.isfinite(answer.points).all()
 
-    def test_a_fixed_input_size_squashes_the_photo_and_is_noted(self, contract_graph):
+    def test_a_fixed_input_size_squashes_the_photo_and_is_noted(self, contract_graph, metric):
         path = contract_graph(shape=(1, 3, 70, 70), map_shape=(1, 70, 70), sigmoid=True)
         image = ramp(100, 300)
         answer = metric(path).infer(image, Hints())
@@ -122,35 +120,33 @@ class TestExports:
         np.testing.assert_allclose(answer.depth[:, 5:-5], (20 / (1 + np.exp(-normalised(image))))[:, 5:-5], rtol=0.03)
         assert "70 x 70 px only" in answer.notes[0]
 
-    def test_map_of_another_size_than_the_input_is_brought_to_the_photo(self, stand_in_network):
+    def test_map_of_another_size_than_the_input_is_brought_to_the_photo(self, bound):
         """Trap: exports whose output keeps the size of the export, whatever they are fed."""
-        network = stand_in_network(
+        backend = bound(
+            DepthAnythingMetric,
             {"pixel_values": ("float32", FREE)},
             {"predicted_depth": ("float32", FREE_MAP)},
             lambda shown, fed: {"predicted_depth": np.linspace(1, 2, 28)[None, :, None] * np.ones((1, 28, 28))},
         )
-        network.show("anything")
-        backend = DepthAnythingMetric()
-        backend._network = backend.match(network)
         depth = backend.infer(ramp(140, 280), Hints()).depth
         np.testing.assert_allclose(
             depth[:, 0], np.clip(1 + (np.arange(140) + 0.5) / 140 * 28 / 27 - 0.5 / 27, 1, 2), atol=1e-5
         )
 
-    def test_depths_near_the_largest_depth_of_a_metric_network_are_unknown(self, contract_graph):
+    def test_depths_near_the_largest_depth_of_a_metric_network_are_unknown(self, contract_graph, metric):
         image = np.zeros((196, 252, 3), np.uint8)
         image[:, 126:] = 255
         backend = metric(contract_graph("depth_anything_v2_indoor.onnx", sigmoid=True), farthest=10.0)
         assert np.isnan(backend.infer(image, Hints()).depth[:, 140:]).all()
 
-    def test_relative_file_is_refused_for_metres_by_its_last_activation(self, contract_graph):
+    def test_relative_file_is_refused_for_metres_by_its_last_activation(self, contract_graph, metric):
         path = contract_graph("depth_anything_v2_vits.onnx")
         assert not has_sigmoid(Path(path))
         with pytest.raises(BackendError, match="relative_pointmap 'depth-anything-onnx'"):
             metric(path)
         metric(path, trust=True)
 
-    def test_metric_file_is_refused_for_disparity(self, contract_graph):
+    def test_metric_file_is_refused_for_disparity(self, contract_graph, relative):
         path = contract_graph(sigmoid=True)
         assert has_sigmoid(Path(path))
         with pytest.raises(BackendError, match="it returns metres, and not disparity"):
@@ -159,7 +155,7 @@ class TestExports:
 
 
 class TestNormalisation:
-    def test_file_that_normalises_itself_is_fed_0_to_255(self, contract_graph):
+    def test_file_that_normalises_itself_is_fed_0_to_255(self, contract_graph, relative):
         """Trap: such a file has the same names; its sides are called H and W, and it takes one photo."""
         image = ramp(196, 252)
         path = contract_graph(
@@ -171,7 +167,7 @@ class TestNormalisation:
         other = relative(path, pixels="imagenet").infer(image, Hints()).points[..., 2]
         assert not np.allclose(z, other, rtol=0.05)
 
-    def test_published_file_can_be_fed_0_to_255_on_demand(self, contract_graph):
+    def test_published_file_can_be_fed_0_to_255_on_demand(self, contract_graph, relative):
         image = ramp(196, 252)
         disparity = image[..., 0] + 4.0
         z = relative(contract_graph(), pixels="0-255").infer(image, Hints()).points[..., 2]
@@ -237,7 +233,7 @@ class TestVersion3:
             "da.onnx", shape=("b", 1, 3, "h", "w"), map_shape=("b", 1, "h", "w"), further=further or None
         )
 
-    def test_the_output_of_several_views_is_depth_and_not_disparity(self, contract_graph):
+    def test_the_output_of_several_views_is_depth_and_not_disparity(self, contract_graph, relative):
         """Trap: the names are those of V2, and larger is farther."""
         image = ramp(252, 252)
         backend = relative(self.image_of_views(contract_graph))
@@ -255,33 +251,25 @@ class TestVersion3:
             ({"sky": np.zeros((1, 1, 252, 252))}, "scale_shift"),
         ],
     )
-    def test_kind_is_recognised_by_further_outputs(self, contract_graph, further, unknown):
-        path = contract_graph(
-            takes="image", gives="depth", shape=(1, 3, 252, 252), map_shape=(1, 252, 252), further=further
-        )
+    def test_kind_is_recognised_by_further_outputs(self, contract_graph, further, unknown, relative):
+        path = contract_graph(**ONE_PHOTO, further=further)
         image = ramp(252, 252)
         answer = relative(path).infer(image, Hints(intrinsics=Intrinsics.from_focal(200.0, 252, 252)))
         assert answer.unknown == unknown
         assert spearmanr(answer.points[..., 2].ravel(), normalised(image).ravel()).statistic > 0.99
 
     @pytest.mark.parametrize(("name", "far_is_large"), [("depth-anything-v3-small.onnx", True), ("other.onnx", False)])
-    def test_kind_is_recognised_by_name_or_option(self, contract_graph, name, far_is_large):
+    def test_kind_is_recognised_by_name_or_option(self, contract_graph, name, far_is_large, relative):
         image = ramp(252, 252)
-        path = contract_graph(name, takes="image", gives="depth", shape=(1, 3, 252, 252), map_shape=(1, 252, 252))
+        path = contract_graph(name, **ONE_PHOTO)
         for answers, wanted in (("auto", far_is_large), ("depth", True), ("disparity", False)):
             z = relative(path, answers=answers).infer(image, Hints()).points[..., 2]
             assert (spearmanr(z.ravel(), normalised(image).ravel()).statistic > 0) == wanted
 
-    def test_its_camera_is_brought_to_the_photo(self, contract_graph):
+    def test_its_camera_is_brought_to_the_photo(self, contract_graph, relative):
         """Trap: the matrix is of the network's picture, and counts from its corner."""
         matrix = np.array([[200.0, 0, 126], [0, 300.0, 126], [0, 0, 1]])
-        path = contract_graph(
-            takes="image",
-            gives="depth",
-            shape=(1, 3, 252, 252),
-            map_shape=(1, 252, 252),
-            further={"intrinsics": matrix[None, None]},
-        )
+        path = contract_graph(**ONE_PHOTO, further={"intrinsics": matrix[None, None]})
         answer = relative(path).infer(ramp(504, 1008), Hints())
         camera = answer.intrinsics
         assert (camera.fx, camera.fy) == (pytest.approx(800.0), pytest.approx(600.0))
@@ -289,19 +277,17 @@ class TestVersion3:
         assert camera.source == "Depth Anything 3"
         assert "800 px" in answer.notes[0]
 
-    def test_sky_is_where_the_score_is_high(self, contract_graph):
+    def test_sky_is_where_the_score_is_high(self, contract_graph, relative):
         sky = np.zeros((1, 1, 252, 252))
         sky[..., :100, :], sky[..., 100:110, :] = 0.9, 0.29
-        path = contract_graph(
-            takes="image", gives="depth", shape=(1, 3, 252, 252), map_shape=(1, 252, 252), further={"sky": sky}
-        )
+        path = contract_graph(**ONE_PHOTO, further={"sky": sky})
         answer = relative(path).infer(ramp(252, 252), Hints())
         assert not answer.valid[:100].any()
         assert answer.valid[100:].all()
 
 
 class TestCamera:
-    def test_an_unknown_camera_becomes_a_default_and_is_noted(self, contract_graph):
+    def test_an_unknown_camera_becomes_a_default_and_is_noted(self, contract_graph, relative):
         answer = relative(contract_graph(), default_fov=60.0).infer(ramp(196, 140), Hints())
         assert answer.intrinsics.fx == pytest.approx(98 / math.tan(math.radians(30)))
         assert "60 degrees" in answer.intrinsics.source
@@ -400,7 +386,7 @@ class TestRealNetwork:
         with Image.open(PHOTO) as opened:
             return np.asarray(opened.convert("RGB"))
 
-    def test_disparity_is_that_of_the_embedded_backend(self, photo):
+    def test_disparity_is_that_of_the_embedded_backend(self, photo, relative):
         from physic_core.adapters.onnx_sessions import open_session
         from physic_embedded.networks.depth_anything import predict_disparity
 
@@ -418,7 +404,7 @@ class TestRealNetwork:
         assert np.percentile(off, 95) < 0.05, f"{np.percentile(off, 95):.4f}"
 
 
-def test_metres_are_those_of_the_class_of_transformers(exported):
+def test_metres_are_those_of_the_class_of_transformers(exported, metric):
     pytest.importorskip("transformers")
     import torch
 

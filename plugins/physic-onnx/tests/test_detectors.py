@@ -27,18 +27,11 @@ def raw(*placed, cells=CELLS):
 
 
 @pytest.fixture
-def answering(graph, node, tmp_path):
+def answering(constant_graph, tmp_path):
     """A detector whose file answers constants, whatever it sees."""
 
     def make(name, shape, **outputs):
-        nodes, constants = [], {"nought": np.zeros((), np.float32)}
-        nodes.append(node("ReduceMean", [name], ["mean"], keepdims=0))
-        nodes.append(node("Mul", ["mean", "nought"], ["nothing"]))
-        for key, value in outputs.items():
-            constants[f"given_{key}"] = np.asarray(value, np.float32)
-            nodes.append(node("Add", [f"given_{key}", "nothing"], [key]))
-        given = {key: ("float32", np.shape(value)) for key, value in outputs.items()}
-        path = graph(tmp_path / "detector.onnx", {name: ("float32", shape)}, given, nodes, constants)
+        path = constant_graph(tmp_path / "detector.onnx", {name: ("float32", shape)}, **outputs)
         return open_detector(path, OnnxOptions(threads=1), "cpu")
 
     return make

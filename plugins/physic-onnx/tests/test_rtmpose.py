@@ -19,7 +19,7 @@ from .pose_worlds import BOX, PLACES, blobs, depths, joints, normalised, people,
 
 
 @pytest.fixture
-def rtmpose(tmp_path: Path, graph: Any, node: Any) -> Any:
+def rtmpose(tmp_path: Path, graph: Any, node: Any, loaded: Any) -> Any:
     """A file whose joint j is where the colour j mod 3 of what it is shown is strongest."""
 
     def make(
@@ -51,9 +51,7 @@ def rtmpose(tmp_path: Path, graph: Any, node: Any) -> Any:
                 "scale": np.array(scale, np.float32),
             },
         )
-        backend = RtmPose(RtmPose.Options(weights=str(path), **options))
-        backend.load()
-        return backend
+        return loaded(RtmPose, path, **options)
 
     return make
 
@@ -70,22 +68,14 @@ def test_each_joint_is_found_at_the_blob_of_its_colour(rtmpose: Any, size: tuple
 
 
 @pytest.fixture
-def answering(tmp_path: Path, graph: Any, node: Any) -> Any:
+def answering(tmp_path: Path, constant_graph: Any, loaded: Any) -> Any:
     """A file that answers these lines, whatever it is shown."""
 
     def make(x: np.ndarray, y: np.ndarray, z: np.ndarray | None = None) -> RtmPose:
         held = {"simcc_x": x, "simcc_y": y} | ({} if z is None else {"simcc_z": z})
-        path = graph(
-            tmp_path / "end2end.onnx",
-            {"input": ("float32", (len(x), 3, *((256, 192) if z is None else (384, 288))))},
-            {name: ("float32", line.shape) for name, line in held.items()},
-            [node("Identity", [f"held_{name}"], [name]) for name in held],
-            {f"held_{name}": line for name, line in held.items()},
-        )
-        kind = RtmPose if z is None else Rtmw3d
-        backend = kind(kind.Options(weights=str(path)))
-        backend.load()
-        return backend
+        size = (256, 192) if z is None else (384, 288)
+        path = constant_graph(tmp_path / "end2end.onnx", {"input": ("float32", (len(x), 3, *size))}, **held)
+        return loaded(RtmPose if z is None else Rtmw3d, path)
 
     return make
 

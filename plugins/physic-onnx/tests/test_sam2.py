@@ -132,29 +132,18 @@ def decoder_body(node, signature, mask, fit):
     return [*corners, *sides, *more], constants
 
 
-def detector_of_boxes(boxes, scores, graph, node, path):
-    """A detector's file that sees people in these boxes of a 640 px frame."""
-    dets = np.concatenate([boxes, np.reshape(scores, (-1, 1))], axis=1)[None].astype(np.float32)
-    nodes = [
-        node("ReduceMean", ["input"], ["mean"], keepdims=0),
-        node("Mul", ["mean", "nought"], ["nothing"]),
-        node("Add", ["given", "nothing"], ["dets"]),
-    ]
-    constants = {"nought": np.float32(0), "given": dets}
-    ports = {"input": ("float32", ("b", 3, 640, 640))}, {"dets": ("float32", dets.shape)}
-    return graph(path, *ports, nodes, constants)
-
-
 @pytest.mark.parametrize("signature", FEATURES)
 @pytest.mark.parametrize("size", [(320, 640), (640, 400)])
-def test_the_mask_of_a_box_lies_at_that_box(folder, graph, node, tmp_path, signature, size):
+def test_the_mask_of_a_box_lies_at_that_box(folder, constant_graph, tmp_path, signature, size):
     """From the photo to the square, as a prompt of the signature, and back: the mask is the box, to a cell's width.
 
     Were labels, coordinates, the order of sides or the choice among the masks wrong, it were another.
     """
     scale = 640 / max(size)
     boxes = np.array([[40.0, 60, 200, 290], [250, 30, 330, 310]])
-    detector = detector_of_boxes(boxes * scale, [0.9, 0.8], graph, node, tmp_path / "detector.onnx")
+    found = np.concatenate([boxes * scale, [[0.9], [0.8]]], axis=1)[None]
+    frame = {"input": ("float32", ("b", 3, 640, 640))}
+    detector = constant_graph(tmp_path / "detector.onnx", frame, dets=found)
     options = Sam2Options(weights=str(folder(signature)), detector=str(detector), floor="none", threads=1)
     backend = Sam2(options)
     assert backend.missing() == ()

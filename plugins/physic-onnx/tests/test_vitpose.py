@@ -25,7 +25,7 @@ PORTS = {
 
 
 @pytest.fixture
-def vitpose(tmp_path: Path, graph: Any, node: Any) -> Any:
+def vitpose(tmp_path: Path, graph: Any, node: Any, loaded: Any) -> Any:
     """A file whose joint j is the colour j mod 3 of what it is shown, on the grid that such a network is trained on.
 
     COCO's 17 joints: first and last cell are first and last pixel (UDP). All others: cell q is pixel 4 q.
@@ -55,15 +55,12 @@ def vitpose(tmp_path: Path, graph: Any, node: Any) -> Any:
             ]
         else:
             nodes.append(node("Identity", ["small"], [maps]))
-        constants = {"colours": np.arange(count) % 3, "column": np.array([-1, 1, 1, 1])}
-        constants = {k: v for k, v in constants.items() if plus or k != "column"}
+        constants = {"colours": np.arange(count) % 3} | ({"column": np.array([-1, 1, 1, 1])} if plus else {})
         size = (HEIGHT // 4, WIDTH // 4)
-        rows = 1 if batch == 1 else 0
-        constants["size"] = np.array([rows or 1, count, *size], np.int64)
-        if not rows:  # a free batch: the size follows the picture
-            constants["rest"] = np.array([count, *size], np.int64)
-            constants |= {"zero": np.array([0]), "one": np.array([1])}
-            del constants["size"]
+        if batch == 1:
+            constants["size"] = np.array([1, count, *size], np.int64)
+        else:  # a free batch: the size follows the picture
+            constants |= {"rest": np.array([count, *size]), "zero": np.array([0]), "one": np.array([1])}
             nodes = [
                 node("Shape", [picture], ["shape"]),
                 node("Slice", ["shape", "zero", "one"], ["rows"]),
@@ -72,9 +69,7 @@ def vitpose(tmp_path: Path, graph: Any, node: Any) -> Any:
             ]
         joints = count if stated else "joints"
         path = graph(tmp_path / "net.onnx", inputs, {maps: ("float32", (batch, joints, *size))}, nodes, constants)
-        backend = VitPose(VitPose.Options(weights=str(path), **options))
-        backend.load()
-        return backend
+        return loaded(VitPose, path, **options)
 
     return make
 

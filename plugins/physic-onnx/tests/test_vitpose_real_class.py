@@ -35,7 +35,7 @@ def network(request: Any, exported: Callable[..., str]) -> tuple[Any, Path, bool
     return model, Path(exported(model, heat_maps, inputs, {"heatmaps": free})), request.param
 
 
-def test_the_exported_class_answers_as_transformers_own_pipeline(network: tuple[Any, Path, bool]) -> None:
+def test_the_exported_class_answers_as_transformers_own_pipeline(network: tuple[Any, Path, bool], loaded: Any) -> None:
     import torch
     from scipy.ndimage import gaussian_filter
     from transformers.models.vitpose.image_processing_pil_vitpose import VitPoseImageProcessorPil
@@ -45,8 +45,7 @@ def test_the_exported_class_answers_as_transformers_own_pipeline(network: tuple[
     image = np.clip(gaussian_filter(noise, (3, 3, 0)) * 8 - 900, 0, 255).astype(np.uint8)
     # Crops lie inside the photo: at its edge OpenCV blends with what is outside, and SciPy does not.
     boxes = np.array([[110.0, 90.0, 200.0, 250.0], [100.0, 110.0, 260.0, 230.0], [150.0, 80.0, 210.0, 250.0]])
-    backend = VitPose(VitPose.Options(weights=str(path)))
-    backend.load()
+    backend = loaded(VitPose, path)
     assert backend.network.signature == (PLUS if plus else HUB)
     found = backend.infer(image, People(np.zeros((3, 400, 420), bool), boxes, np.ones(3)))
 
