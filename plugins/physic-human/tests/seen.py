@@ -48,6 +48,13 @@ class OnWorlds:
         return self.perfect_network()
 
 
+class SeesCrops:
+    """A network that is shown crops of the picture of coordinates, and is told which world the photo shows."""
+
+    world: World | None = None
+    size = (1, 1)
+
+
 class CropsOnWorlds(OnWorlds):
     """The same, where the network is shown crops of the picture of coordinates and knows the world of the photo."""
 

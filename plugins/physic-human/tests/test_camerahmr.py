@@ -15,10 +15,19 @@ from physic_core.errors import BackendError
 from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People
 from physic_human.camerahmr import CameraHmr, CameraHmrOptions, translation_from_crop
 from physic_human.user_smpl import open_smpl
-from physic_testing.conformance import parametrize_with_checks
-from physic_testing.worlds import World
+from physic_testing import check_backend
 
-from .seen import CropsOnWorlds, coordinates, network_of, normalised_back, pixels, place_of, smpl_arrays, smpl_pose
+from .seen import (
+    CropsOnWorlds,
+    SeesCrops,
+    coordinates,
+    network_of,
+    normalised_back,
+    pixels,
+    place_of,
+    smpl_arrays,
+    smpl_pose,
+)
 
 OFF_CENTRE = Intrinsics(900.0, 900.0, 319.5, 239.5, 640, 480)
 
@@ -125,8 +134,7 @@ def test_crops_are_squares_of_the_longer_side_and_red_comes_first(made: Callable
 
 def test_channels_can_be_exchanged_to_compare(made: Callable[..., CameraHmr]) -> None:
     backend = made(channels="bgr")
-    image = np.zeros((200, 300, 3), np.uint8)
-    image[:] = [200, 100, 10]
+    image = np.full((200, 300, 3), [200, 100, 10], np.uint8)
     ask(backend, image)
     crop = normalised_back(network_of(backend).seen[0]["img"][0])
     np.testing.assert_allclose(crop[128, 128], [10, 100, 200], atol=0.6)
@@ -174,8 +182,7 @@ def test_its_estimated_focal_length_reaches_the_network_and_does_not_move_the_bo
     made: Callable[..., CameraHmr],
 ) -> None:
     backend = made(focal="own", focal_channels="bgr")
-    image = np.zeros((200, 300, 3), np.uint8)
-    image[:] = [200, 100, 10]
+    image = np.full((200, 300, 3), [200, 100, 10], np.uint8)
     bodies = ask(backend, image)
     np.testing.assert_allclose(network_of(backend).seen[0]["cam_int"][0, 0, 0], 200 / (2 * np.tan(0.4)), rtol=1e-5)
     np.testing.assert_allclose(bodies.parameters.transl[0, 2], 2 * 500 / (100 * 0.9), rtol=1e-5)
@@ -206,13 +213,11 @@ def test_a_field_of_view_that_is_none_is_refused(made: Callable[..., CameraHmr])
         ask(backend)
 
 
-class PerfectHmr:
+class PerfectHmr(SeesCrops):
     """Knows the body that a crop shows, and where it is in weak perspective of that crop."""
 
     def __init__(self) -> None:
         self.pelvis = smpl_arrays()["J_regressor"][0] @ smpl_arrays()["v_template"]
-        self.world: World | None = None
-        self.size = (1, 1)
 
     def __call__(self, batch: dict[str, torch.Tensor]) -> tuple[Any, ...]:
         focal = batch["cam_int"][:, 0, 0].numpy()
@@ -242,18 +247,7 @@ class CameraHmrOnWorlds(CropsOnWorlds, CameraHmr):
         return super().build(device)
 
 
-OPTIONS: dict[str, str] = {}
-"""Filled by the fixture of the made-up file."""
-
-
-# The network knows the mean shape of SMPL only: 100 mm at worst, of a child.
-@parametrize_with_checks(
-    "body_estimator",
-    CameraHmrOnWorlds,
-    options=lambda world: OPTIONS,
-    capabilities={"exact"},
-    exact_limits={"MPJPE, mm": 105},
-)
-def test_camerahmr_conforms(check: Callable[[], None], smpl_file: Path) -> None:
-    OPTIONS["smpl_file"] = str(smpl_file)
-    check()
+def test_camerahmr_conforms(smpl_file: Path) -> None:
+    # The network knows the mean shape of SMPL only: 100 mm at worst, of a child.
+    options, limits = {"smpl_file": str(smpl_file)}, {"MPJPE, mm": 105.0}
+    check_backend(CameraHmrOnWorlds, options=options, capabilities={"exact"}, exact_limits=limits).raise_if_failed()

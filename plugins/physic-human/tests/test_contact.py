@@ -14,23 +14,14 @@ from physic_core.adapters.bodies import empty_bodies
 from physic_core.types import People
 from physic_human.deco import Deco, DecoOptions, contact_crop, enlarged_box_slices
 from physic_human.user_smpl import load_rest_mesh
-from physic_testing.conformance import parametrize_with_checks
-from physic_testing.worlds import World
+from physic_testing import check_backend
 
-from .seen import CropsOnWorlds, network_of, normalised_back, place_of, smpl_contact
-
-MEAN, STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
-
-
-def colours(crop: np.ndarray) -> np.ndarray:
-    """Grey levels (256, 256, 3) as the network was given them."""
-    return 255 * (crop.transpose(1, 2, 0) * STD + MEAN)
+from .seen import CropsOnWorlds, SeesCrops, network_of, normalised_back, place_of, smpl_contact
 
 
 def test_the_network_gets_the_channels_in_the_order_bgr() -> None:
-    image = np.zeros((50, 50, 3), np.uint8)
-    image[:] = [200, 100, 10]
-    middle = colours(contact_crop(image, np.array([0.0, 0, 50, 50])))[128, 128]
+    image = np.full((50, 50, 3), [200, 100, 10], np.uint8)
+    middle = normalised_back(contact_crop(image, np.array([0.0, 0, 50, 50])))[128, 128]
     np.testing.assert_allclose(middle, [10, 100, 200], atol=0.1)
 
 
@@ -41,7 +32,7 @@ def test_the_box_grows_by_a_tenth_on_every_side_and_ends_at_the_image() -> None:
 
 def test_the_rest_is_white_and_the_person_in_the_middle() -> None:
     image = np.zeros((300, 300, 3), np.uint8)
-    seen = colours(contact_crop(image, np.array([100.0, 50, 150, 250]), growth=0.0))
+    seen = normalised_back(contact_crop(image, np.array([100.0, 50, 150, 250]), growth=0.0))
     np.testing.assert_allclose(seen[:, :95], 255, atol=0.1)
     np.testing.assert_allclose(seen[:, 161:], 255, atol=0.1)
     np.testing.assert_allclose(seen[:, 97:159], 0, atol=0.1)
@@ -49,14 +40,14 @@ def test_the_rest_is_white_and_the_person_in_the_middle() -> None:
 
 def test_a_squashed_crop_has_no_white() -> None:
     image = np.zeros((300, 300, 3), np.uint8)
-    seen = colours(contact_crop(image, np.array([100.0, 50, 150, 250]), fit="squash"))
+    seen = normalised_back(contact_crop(image, np.array([100.0, 50, 150, 250]), fit="squash"))
     np.testing.assert_allclose(seen, 0, atol=0.1)
 
 
 def test_the_crop_keeps_left_and_top() -> None:
     image = np.zeros((256, 256, 3), np.uint8)
     image[:100, :60] = 255
-    seen = colours(contact_crop(image, np.array([0.0, 0, 256, 256]), growth=0.0))
+    seen = normalised_back(contact_crop(image, np.array([0.0, 0, 256, 256]), growth=0.0))
     assert seen[50, 30].min() > 250
     assert seen[30, 200].max() < 5
 
@@ -135,12 +126,8 @@ def test_deco_is_called_in_batches_and_never_without_people(deco: Callable[..., 
     assert found.probability.shape == (0, 6890)
 
 
-class PerfectDeco:
+class PerfectDeco(SeesCrops):
     """Knows which vertices of the person in a crop touch."""
-
-    def __init__(self) -> None:
-        self.world: World | None = None
-        self.size = (1, 1)
 
     def __call__(self, crops: torch.Tensor) -> tuple[torch.Tensor, ...]:
         return torch.from_numpy(np.stack([self.one(crop) for crop in crops.numpy()])), torch.zeros(1), torch.zeros(1)
@@ -166,14 +153,7 @@ class DecoOnWorlds(CropsOnWorlds, Deco):
         return super().build(device)
 
 
-OPTIONS: dict[str, str] = {}
-"""Filled by the fixture of the made-up file."""
-
-
-# The labels of SMPL's 6890 vertices are transferred to a finer mesh, and differ at the borders of the contact.
-@parametrize_with_checks(
-    "contact_prior", DecoOnWorlds, options=lambda world: OPTIONS, capabilities={"exact"}, exact_limits={"F1": 0.89}
-)
-def test_deco_conforms(check: Callable[[], None], smpl_file: Path) -> None:
-    OPTIONS["smpl_file"] = str(smpl_file)
-    check()
+def test_deco_conforms(smpl_file: Path) -> None:
+    # The labels of SMPL's 6890 vertices are transferred to a finer mesh, and differ at the borders of the contact.
+    options, limits = {"smpl_file": str(smpl_file)}, {"F1": 0.89}
+    check_backend(DecoOnWorlds, options=options, capabilities={"exact"}, exact_limits=limits).raise_if_failed()

@@ -49,8 +49,7 @@ def moge(stub: Callable[..., Path], tmp_path: Path) -> Moge1:
 
 
 def test_moge_gets_rgb_from_0_to_1(moge: Moge1) -> None:
-    image = np.zeros((60, 80, 3), np.uint8)
-    image[:] = [255, 51, 0]
+    image = np.full((60, 80, 3), [255, 51, 0], np.uint8)
     moge.infer(image, Hints())
     np.testing.assert_allclose(network_of(moge).seen[0, :, 30, 40], [1.0, 0.2, 0.0], atol=1e-6)
     assert network_of(moge).tokens == 2500

@@ -22,9 +22,8 @@ from physic_testing import violations
 from physic_testing.body_files import mano_arrays, write_published
 from physic_testing.conformance import parametrize_with_checks
 from physic_testing.conformance.truth import true_hands
-from physic_testing.worlds import World
 
-from .seen import CropsOnWorlds, Place, coordinates, nearest, network_of, pixels, place_of, wrist_turns
+from .seen import CropsOnWorlds, Place, SeesCrops, coordinates, nearest, network_of, pixels, place_of, wrist_turns
 
 
 def blank(skeleton: Skeleton | str, count: int, people: int = 1) -> Keypoints:
@@ -241,7 +240,7 @@ class WiLor(torch.nn.Module):
                 "pred_cam": torch.ones(count, 3)}
 """
 
-WILOR_FILES = {"wilor_mini/__init__.py": "", "wilor_mini/models/mano.py": MANO, "wilor_mini/models/wilor.py": WILOR}
+WILOR_FILES = {"wilor_mini/__init__.py": "", "wilor_mini/models/mano.py": MANO}
 
 
 def keypoints(boxes: dict[str, list[float]]) -> tuple[People, Keypoints]:
@@ -254,31 +253,33 @@ def keypoints(boxes: dict[str, list[float]]) -> tuple[People, Keypoints]:
     return People(np.zeros((1, 200, 300), bool), np.array([[0.0, 0, 300, 200]]), np.ones(1)), given
 
 
-def wilor_files(folder: Path) -> Path:
-    folder.mkdir()
-    torch.save(
-        {"state_dict": {"gain": torch.full((1,), 0.5), "mano.faces": torch.zeros(2)}}, folder / "wilor_final.ckpt"
-    )
-    write_published(folder / "MANO_RIGHT.pkl", mano_arrays())
-    (folder / "mano_mean_params.npz").write_bytes(b"")
-    return folder
+@pytest.fixture
+def make_wilor(stub: Callable[..., Path], tmp_path: Path) -> Callable[..., Wilor]:
+    """A backend on files of its own; ``code`` is that of its network, ``held`` what its checkpoint holds."""
+
+    def make(code: str = WILOR, held: Any = None, **options: Any) -> Wilor:
+        checkout, folder = stub("wilor", WILOR_FILES | {"wilor_mini/models/wilor.py": code}), tmp_path / "files"
+        folder.mkdir(exist_ok=True)
+        usual = {"state_dict": {"gain": torch.full((1,), 0.5), "mano.faces": torch.zeros(2)}}
+        torch.save(held or usual, folder / "wilor_final.ckpt")
+        write_published(folder / "MANO_RIGHT.pkl", mano_arrays())
+        (folder / "mano_mean_params.npz").write_bytes(b"")
+        return Wilor(WilorOptions(checkout=str(checkout), weights=str(folder), **options))
+
+    return make
 
 
 @pytest.fixture
-def wilor(stub: Callable[..., Path], tmp_path: Path) -> Wilor:
-    checkout = stub("wilor", WILOR_FILES)
-    backend = Wilor(WilorOptions(checkout=str(checkout), weights=str(wilor_files(tmp_path / "files"))))
+def wilor(make_wilor: Callable[..., Wilor]) -> Wilor:
+    backend = make_wilor()
     backend.load()
     return backend
 
 
-def test_wilor_can_repeat_the_papers_exchange_of_channels(stub: Callable[..., Path], tmp_path: Path) -> None:
-    checkout = stub("w", WILOR_FILES)
-    options = WilorOptions(checkout=str(checkout), weights=str(wilor_files(tmp_path / "f")), swap_channels=True)
-    backend = Wilor(options)
+def test_wilor_can_repeat_the_papers_exchange_of_channels(make_wilor: Callable[..., Wilor]) -> None:
+    backend = make_wilor(swap_channels=True)
     backend.load()
-    image = np.zeros((200, 300, 3), np.uint8)
-    image[:] = [200, 100, 10]
+    image = np.full((200, 300, 3), [200, 100, 10], np.uint8)
     backend.infer(image, *keypoints({"right": [100, 80, 140, 120]}))
     np.testing.assert_allclose(network_of(backend).seen[0][0, 128, 128], [200, 100, 10], atol=1)
 
@@ -316,29 +317,22 @@ def test_wilor_gets_hands_in_batches_and_does_not_change_the_photo(wilor: Wilor)
     np.testing.assert_allclose(hands.confidence, 0.9, atol=1e-6)
 
 
-def test_another_wilor_is_recognised_by_its_output(stub: Callable[..., Path], tmp_path: Path) -> None:
-    text = WILOR[: WILOR.index("        return {")] + "        return pose, turned, None\n"
-    checkout = stub("w", WILOR_FILES | {"wilor_mini/models/wilor.py": text})
-    backend = Wilor(WilorOptions(checkout=str(checkout), weights=str(wilor_files(tmp_path / "f"))))
+def test_another_wilor_is_recognised_by_its_output(make_wilor: Callable[..., Wilor]) -> None:
+    backend = make_wilor(WILOR[: WILOR.index("        return {")] + "        return pose, turned, None\n")
     backend.load()
     with pytest.raises(BackendError, match="WiLoR-mini's network returned tuple"):
         backend.infer(np.zeros((200, 300, 3), np.uint8), *keypoints({"left": [60, 80, 100, 110]}))
 
 
-def test_a_checkpoint_with_objects_is_read_only_if_trusted(stub: Callable[..., Path], tmp_path: Path) -> None:
-    files, checkout = wilor_files(tmp_path / "f"), stub("w", WILOR_FILES)
-    torch.save({"state_dict": {"gain": torch.ones(1)}, "hyper": Path("x")}, files / "wilor_final.ckpt")
+def test_a_checkpoint_with_objects_is_read_only_if_trusted(make_wilor: Callable[..., Wilor]) -> None:
+    held = {"state_dict": {"gain": torch.ones(1)}, "hyper": Path("x")}
     with pytest.raises(BackendError, match="set the option trust_checkpoint = true"):
-        Wilor(WilorOptions(checkout=str(checkout), weights=str(files))).load()
-    Wilor(WilorOptions(checkout=str(checkout), weights=str(files), trust_checkpoint=True)).load()
+        make_wilor(held=held).load()
+    make_wilor(held=held, trust_checkpoint=True).load()
 
 
-class PerfectHands:
+class PerfectWilor(SeesCrops):
     """Answers the true hand at the place that a crop shows: right hands, and left ones as they look in a mirror."""
-
-    def __init__(self) -> None:
-        self.world: World | None = None
-        self.size = (1, 1)
 
     def hand(self, place: Place) -> tuple[np.ndarray, np.ndarray]:
         """Fingers (15, 3) and the wrist (3,)."""
@@ -351,8 +345,6 @@ class PerfectHands:
         turn = wrist_turns(self.world)[person, side]
         return (fingers, turn) if side else (mirror_rotvecs(fingers), mirror_rotvecs(turn))
 
-
-class PerfectWilor(PerfectHands):
     def __call__(self, x: torch.Tensor) -> dict[str, torch.Tensor]:
         found = [self.hand(place_of(crop[..., ::-1].copy(), *self.size)) for crop in x.numpy()]
         fingers, wrists = (np.stack(part) for part in zip(*found, strict=True))

@@ -116,8 +116,7 @@ def nlf(tmp_path: Path, torchvision: ModuleType) -> Nlf:
 
 def test_nlf_is_given_boxes_camera_photo_and_settings(nlf: Nlf) -> None:
     """Boxes as left, top, width and height; grey levels, red first."""
-    image = np.zeros((48, 64, 3), np.uint8)
-    image[:] = [200, 100, 10]
+    image = np.full((48, 64, 3), [200, 100, 10], np.uint8)
     joints = ask(nlf, image).joints
     assert joints is not None
     given = 1000 * joints

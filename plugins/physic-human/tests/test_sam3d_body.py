@@ -147,8 +147,7 @@ def sam(make_sam: Callable[..., Sam3dBody]) -> Sam3dBody:
 
 
 def test_sam_3d_body_gets_boxes_camera_and_rgb(sam: Sam3dBody, capsys: pytest.CaptureFixture[str]) -> None:
-    image = np.zeros((48, 64, 3), np.uint8)
-    image[:] = [200, 100, 10]
+    image = np.full((48, 64, 3), [200, 100, 10], np.uint8)
     sam.infer(image, people(), CAMERA, NUM_KEYPOINTS, Hints())
     asked = network_of(sam).asked
     assert len(asked) == 2
