@@ -121,56 +121,36 @@ def sam3() -> Any:
     return Sam3Model(Sam3Config(**sam3_config()))
 
 
+MEMORY = {
+    "memory_attention_hidden_size": 32,
+    "memory_attention_num_layers": 1,
+    "memory_attention_num_attention_heads": 1,
+    "memory_attention_feed_forward_hidden_size": 32,
+    "memory_attention_rope_feat_sizes": [8, 8],
+    "memory_encoder_hidden_size": 32,
+    "memory_encoder_output_channels": 16,
+    "mask_downsampler_embed_dim": 32,
+    "memory_fuser_num_layers": 1,
+    "memory_fuser_embed_dim": 32,
+    "memory_fuser_intermediate_dim": 32,
+}
+"""Of the trackers in videos, of SAM 2 and of SAM 3."""
+
+
 def sam2_video() -> Any:
     from transformers import Sam2VideoConfig, Sam2VideoModel
 
-    return Sam2VideoModel(
-        Sam2VideoConfig(
-            **sam2_config(),
-            image_size=128,
-            memory_attention_hidden_size=32,
-            memory_attention_num_layers=1,
-            memory_attention_num_attention_heads=1,
-            memory_attention_feed_forward_hidden_size=32,
-            memory_attention_rope_feat_sizes=[8, 8],
-            memory_encoder_hidden_size=32,
-            memory_encoder_output_channels=16,
-            mask_downsampler_embed_dim=32,
-            memory_fuser_num_layers=1,
-            memory_fuser_embed_dim=32,
-            memory_fuser_intermediate_dim=32,
-        )
-    )
+    return Sam2VideoModel(Sam2VideoConfig(**sam2_config(), **MEMORY, image_size=128))
 
 
 def sam3_video() -> Any:
     from transformers import Sam3VideoConfig, Sam3VideoModel
 
-    tracker = {key: value for key, value in sam2_config().items() if key != "vision_config"}
+    detector = {"model_type": "sam3", **sam3_config()}
+    tracker = {"model_type": "sam3_tracker_video", **sam2_config(), **MEMORY, "image_size": 112}
     tracker["vision_config"] = sam3_config()["vision_config"]
-    tracker["prompt_encoder_config"]["image_size"] = 112
-    tracker["prompt_encoder_config"]["patch_size"] = 14
-    return Sam3VideoModel(
-        Sam3VideoConfig(
-            detector_config={"model_type": "sam3", **sam3_config()},
-            tracker_config={
-                "model_type": "sam3_tracker_video",
-                **tracker,
-                "image_size": 112,
-                "memory_attention_hidden_size": 32,
-                "memory_attention_num_layers": 1,
-                "memory_attention_num_attention_heads": 1,
-                "memory_attention_feed_forward_hidden_size": 32,
-                "memory_attention_rope_feat_sizes": [8, 8],
-                "memory_encoder_hidden_size": 32,
-                "memory_encoder_output_channels": 16,
-                "mask_downsampler_embed_dim": 32,
-                "memory_fuser_num_layers": 1,
-                "memory_fuser_embed_dim": 32,
-                "memory_fuser_intermediate_dim": 32,
-            },
-        )
-    )
+    tracker["prompt_encoder_config"] |= {"image_size": 112, "patch_size": 14}
+    return Sam3VideoModel(Sam3VideoConfig(detector_config=detector, tracker_config=tracker))
 
 
 def eomt(classes: int = 133) -> Any:

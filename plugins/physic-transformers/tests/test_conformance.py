@@ -345,16 +345,6 @@ class TellingSam3(Telling, Sam3):
     stand_ins = (("weights", Sam3StandIn),)
 
 
-ALL = (
-    TellingGroundedSam2,
-    TellingSam3,
-    TellingEomt,
-    TellingDepthPro,
-    TellingZoeDepth,
-    TellingSapiens2,
-)
-
-
 EXACT_LIMITS: dict[type, dict[str, float]] = {TellingEomt: {"IoU": 0.97}}
 """EoMT has a mask of 160 x 160 cells, each of two px in these photos, whatever the network knows."""
 
@@ -363,7 +353,7 @@ WRONG = {"abs-rel": 0.001, "abs-rel, aligned": 0.001, "px": 0.05}
 """What is lost between a perfect network and the answer: half a pixel would be more."""
 
 
-@pytest.mark.parametrize("kind", ALL, ids=lambda kind: kind.__name__)
+@pytest.mark.parametrize("kind", Telling.__subclasses__(), ids=lambda kind: kind.__name__)
 def test_a_backend_with_a_perfect_network_holds_its_contract(kind: Any) -> None:
     own = frozenset(getattr(kind, "capabilities", ()))
     report = check_backend(kind, capabilities=own | {"exact"}, exact_limits=EXACT_LIMITS.get(kind))

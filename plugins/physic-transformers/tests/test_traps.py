@@ -12,21 +12,24 @@ import pytest
 import torch
 
 from physic_core.errors import BackendError, DeviceError
-from physic_core.interfaces import KeypointDetector, MetricDepth, Segmenter
+from physic_core.interfaces import INTERFACES
 from physic_core.types import CameraTrust, Hints, Intrinsics, People
 from physic_testing import violations
 from physic_transformers.depth_pro import DepthPro, DepthProOptions
-from physic_transformers.eomt import Eomt, EomtOptions, class_names
+from physic_transformers.eomt import Eomt, class_names
 from physic_transformers.grounded_sam2 import GroundedSam2, GroundedSam2Options, decode_text_boxes, format_prompt
 from physic_transformers.models import TransformersModel
 from physic_transformers.sam3 import Sam3, Sam3Options
-from physic_transformers.sapiens2 import Sapiens2, Sapiens2Options
-from physic_transformers.zoedepth import ZoeDepth, ZoeDepthOptions
+from physic_transformers.sapiens2 import Sapiens2
+from physic_transformers.zoedepth import ZoeDepth
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
+
+LOW = {"box_threshold": 0.0, "text_threshold": 0.0, "person_score": 0.0}
+"""Options with which a network of random weights finds something."""
 
 WIDE = np.random.default_rng(0).integers(0, 256, (60, 100, 3), np.uint8)
 
@@ -72,41 +75,34 @@ class TestWithoutTorchvision:
             monkeypatch.setattr(getattr(transformers, name), "from_pretrained", refuse)
 
     @pytest.mark.parametrize("dtype", ["float32", "bfloat16"])
-    @pytest.mark.parametrize("name", ["grounded", "sam3", "eomt", "pro", "zoe", "sapiens2"])
-    def test_the_real_classes_load_and_infer(self, saved: Callable[..., Path], name: str, dtype: Any) -> None:
-        backend = self.made(saved, name, dtype)
+    @pytest.mark.parametrize(
+        ("kind", "networks", "options"),
+        [
+            (GroundedSam2, {"detector": "grounding_dino", "masks": "sam2"}, LOW),
+            (Sam3, {"weights": "sam3"}, {"person_score": 0}),
+            (Eomt, {"weights": "eomt"}, {"threshold": 0, "held": 0}),
+            (DepthPro, {"weights": "depth_pro"}, {"farthest": 1e6}),
+            (ZoeDepth, {"weights": "zoedepth"}, {}),
+            (Sapiens2, {"weights": "sapiens2"}, {}),
+        ],
+    )
+    def test_the_real_classes_load_and_infer(
+        self, saved: Callable[..., Path], kind: Any, networks: dict[str, str], options: dict[str, float], dtype: str
+    ) -> None:
+        folders = {option: str(saved(model)) for option, model in networks.items()}
+        backend = kind(kind.Options(**folders, **options, precision=dtype))
         assert backend.missing() == ()
         backend.load()
-        camera = Intrinsics.from_focal(90.0, 100, 60)
         people = People(np.ones((1, 60, 100), bool), np.array([[5.0, 2, 60, 58]]), np.array([0.9]))
-        rest = {"sapiens2": (people,), "grounded": (), "sam3": (), "eomt": ()}.get(name, (Hints(intrinsics=camera),))
+        hints, size = Hints(intrinsics=Intrinsics.from_focal(90.0, 100, 60)), {"height": 60, "width": 100}
+        rest, context = {
+            "segmenter": ((), size),
+            "metric_depth": ((hints,), size),
+            "keypoint_detector": ((people,), {"people": 1}),
+        }[kind.interface]
         answer = backend.infer(WIDE, *rest)
         backend.close()
-        if name == "sapiens2":
-            faults = violations(KeypointDetector, answer, people=1)
-        elif not rest:
-            faults = violations(Segmenter, answer, height=60, width=100)
-        else:
-            faults = violations(MetricDepth, answer, height=60, width=100)
-        assert faults == []
-
-    def made(self, saved: Callable[..., Path], name: str, dtype: Any) -> Any:
-        def at(model: str, *args: Any) -> str:
-            return str(saved(model, *args))
-
-        if name == "grounded":
-            low = {"box_threshold": 0.0, "text_threshold": 0.0, "person_score": 0.0}
-            options = GroundedSam2Options(detector=at("grounding_dino"), masks=at("sam2"), precision=dtype, **low)
-            return GroundedSam2(options)
-        if name == "sam3":
-            return Sam3(Sam3Options(weights=at("sam3"), person_score=0, precision=dtype))
-        if name == "eomt":
-            return Eomt(EomtOptions(weights=at("eomt"), threshold=0, held=0, precision=dtype))
-        if name == "pro":
-            return DepthPro(DepthProOptions(weights=at("depth_pro"), farthest=1e6, precision=dtype))
-        if name == "zoe":
-            return ZoeDepth(ZoeDepthOptions(weights=at("zoedepth"), precision=dtype))
-        return Sapiens2(Sapiens2Options(weights=at("sapiens2"), precision=dtype))
+        assert violations(INTERFACES[kind.interface], answer, **context) == []
 
 
 class TestDepthPro:
