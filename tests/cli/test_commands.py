@@ -1,11 +1,9 @@
 from __future__ import annotations
 
 import re
-import sys
 import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
@@ -57,9 +55,8 @@ class Pipeline:
 
 @pytest.fixture
 def pipeline(monkeypatch: pytest.MonkeyPatch) -> Pipeline:
-    stand_in, module = Pipeline(), ModuleType("physic_core.pipeline.run")
-    module.reconstruct = stand_in.reconstruct  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "physic_core.pipeline.run", module)
+    stand_in = Pipeline()
+    monkeypatch.setattr("physic_core.pipeline.run.reconstruct", stand_in.reconstruct)
     return stand_in
 
 

@@ -1,8 +1,6 @@
 from __future__ import annotations
 
-import sys
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
@@ -34,9 +32,7 @@ def test_a_run_ends_with_the_code_of_its_error(name: str, monkeypatch: pytest.Mo
     def reconstruct(*_: Any, **__: Any) -> None:
         raise getattr(errors, name)("no good")
 
-    module = ModuleType("physic_core.pipeline.run")
-    module.reconstruct = reconstruct  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "physic_core.pipeline.run", module)
+    monkeypatch.setattr("physic_core.pipeline.run.reconstruct", reconstruct)
     done = physic("run", "photo.jpg", "--preset", "mock")
     assert (done.exit_code, done.stderr) == (exit_code(getattr(errors, name)("x")), "Error: no good\n")
 

@@ -7,7 +7,6 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
@@ -51,9 +50,7 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> None:
         logging.getLogger("physic_mine").info("read %s", TITLE)
         return empty_reconstruction(notes=(f"note {TITLE}",), warnings=(f"warning {TITLE}",))
 
-    module = ModuleType("physic_core.pipeline.run")
-    module.reconstruct = reconstruct  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "physic_core.pipeline.run", module)
+    monkeypatch.setattr("physic_core.pipeline.run.reconstruct", reconstruct)
 
 
 @pytest.mark.parametrize("options", [(), ("-v",), ("-q",)], ids=" ".join)
