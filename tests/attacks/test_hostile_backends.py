@@ -18,12 +18,9 @@ from physic_core.cli import main
 from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.discovery.error_text import PluginExit
 from physic_core.discovery.plugin_code import plugin_code
-from physic_core.errors import BackendError
 from physic_core.interfaces import MetricDepth, MetricDepthRequest
 from physic_core.pipeline.stage_runner import StageRunner
 from physic_core.types import DepthMap, Hints, Provenance
-
-TITLE = "metric_depth 'own' (my-dist 1.0), stage 'depth'"
 
 
 class Own(MetricDepth):
@@ -44,21 +41,6 @@ def call(deed: Callable[[Any], Any], image: np.ndarray | None = None) -> tuple[D
     resolved = ResolvedBackend(backend, Provenance("metric_depth", "own", "p", "my-dist", "1.0", {}, ""))
     request = MetricDepthRequest(np.zeros((6, 8, 3), np.uint8) if image is None else image, Hints())
     return StageRunner("cpu", 1).call_backend("depth", resolved, request), backend
-
-
-class Own2(BaseException):
-    pass
-
-
-@pytest.mark.parametrize("error", [SystemExit(0), Own2("x"), MemoryError()], ids=repr)
-def test_exceptions_name_the_backend(error: BaseException) -> None:
-    def fail(image: Any) -> None:
-        raise error
-
-    with pytest.raises(BackendError) as found:
-        call(fail)
-    assert str(found.value).startswith(f"{TITLE}: {type(error).__name__}")
-    assert found.value.__cause__ is error
 
 
 def test_ctrl_c_of_the_user_ends_the_call() -> None:

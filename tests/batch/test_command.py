@@ -37,6 +37,7 @@ def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(tmp_path: Pat
     with Path("out/summary.csv").open(newline="") as file:
         rows = {Path(row["path"]).name: row for row in csv.DictReader(file)}
     assert (rows["stand.png"]["people"], rows["stand.png"]["state"]) == ("1", "done")
+    assert (rows["broken.jpg"]["people"], rows["broken.jpg"]["state"]) == ("", "failed")
     with Path("out/people.csv").open(newline="") as file:
         (person,) = csv.DictReader(file)
     assert (person["id"], person["person"], person["main"]) == (rows["stand.png"]["id"], "0", "True")

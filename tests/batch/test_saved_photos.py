@@ -58,17 +58,6 @@ def test_a_foreign_file_in_the_folder_of_a_photo_fails_only_that_photo(result: R
     assert (folder / "reconstruction.json").read_text() == "mine too"
 
 
-def test_the_table_has_a_row_for_each_photo(batch: Path):
-    with write_table(batch).open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert [(row["id"], row["state"], row["people"]) for row in rows] == [
-        ("one", "done", "2"),
-        ("bad", "failed", ""),
-        ("two", "done", "2"),
-    ]
-    assert rows[0]["folder"] == photo_folder("one")
-
-
 def test_columns_are_photo_grade_sizes_costs_files_and_checks_in_one_order(tmp_path: Path):
     row = dict.fromkeys(reversed(all_columns()), "") | {"id": "one", "state": "done", "people_rows": []}
     with Journal(tmp_path / "journal.jsonl") as journal:

@@ -62,13 +62,6 @@ def test_a_worker_that_was_killed_for_another_reason_costs_no_photo(standin: Mod
     assert (found[task].failure, found[task].attempts) == ("", 2)
 
 
-def test_a_hanging_task_is_ended_after_its_time_limit(standin: ModuleType):
-    found = outcomes(standin, "hang", "a", "b", count=1, timeout=2.0)
-    assert (found["hang"].failure, found["hang"].attempts) == ("Timeout", 1)
-    assert "--timeout" in found["hang"].message
-    assert (found["a"].failure, found["b"].failure) == ("", "")
-
-
 @pytest.mark.parametrize(
     ("name", "kind", "message"),
     [

@@ -79,14 +79,6 @@ def test_faults_of_names_and_options_are_reported_together(own):
         assert word in line
 
 
-def test_two_claims_to_the_chosen_name_are_one_of_the_faults(own, site):
-    own()
-    site.put({"inpainter": backend("inpainter")}, distribution="physic-b", version="2.0")
-    assert "write 'physic-b:own' or 'physic-mine:own' to choose" in refusal(config())
-    pipeline = resolve(config(inpainter={"backend": "physic-b:own"}))
-    assert pipeline.backends["inpainter"].provenance.version == "2.0"
-
-
 @pytest.mark.parametrize("preset", ["embedded", "mock"])
 def test_a_third_party_with_the_names_of_a_preset_does_not_break_the_preset(site, preset: str):
     for interface in INTERFACES:

@@ -90,7 +90,6 @@ REFUSED = {
     "icon.jpg": (lambda path: saved(corners(), path, format="ICO"), "give a JPEG, PNG"),
     "postscript.jpg": (lambda path: saved(corners(), path, format="EPS"), "give a JPEG, PNG"),
     "sparse.jpg": (sparse, "damaged or truncated"),
-    "cut.jpg": (truncated, "damaged or truncated"),
     "cut.png": (truncated, "damaged or truncated"),
     "cut.tiff": (truncated, "damaged or truncated"),
     "tiny.png": (lambda path: saved(corners(8, 8), path), "8 x 8 px"),

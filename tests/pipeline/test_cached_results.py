@@ -136,6 +136,7 @@ def test_a_first_run_calls_loads_and_closes_every_backend(first) -> None:
     assert counts.asked == EVERYBODY
     assert counts.loaded == counts.closed == ONCE
     assert not any(stage.cached for stage in result.stages)
+    assert any(stage.load_seconds for stage in result.stages)
 
 
 def test_the_same_run_again_calls_and_loads_no_backend_and_gives_the_same_bits(
@@ -144,6 +145,7 @@ def test_the_same_run_again_calls_and_loads_no_backend_and_gives_the_same_bits(
     again = reconstruct(read_photo(photo).image, "mock")
     assert (counts.asked, counts.loaded, counts.closed) == (Counter(), Counter(), Counter())
     assert [s.cached for s in again.stages] == [s.provenance is not None for s in again.stages]
+    assert not any(s.failed or s.load_seconds for s in again.stages)
     assert (again.warnings, again.notes, again.checks) == (first[1].warnings, first[1].notes, first[1].checks)
     for name, result in (("first", first[1]), ("again", again)):
         result.save(str(tmp_path / name), "numbers")

@@ -12,7 +12,6 @@ import trimesh
 from physic_core import reconstruct
 from physic_core.cli.result_summary import summary_text
 from physic_core.engine.joint import solve as joint
-from physic_core.errors import BackendOutputError
 from physic_core.io.results import read_record
 from physic_core.pipeline.backend_results import discard_invalid_hands, discard_invalid_keypoints
 from physic_core.types import Hands, Keypoints, Person, Reconstruction
@@ -163,16 +162,6 @@ def test_a_person_who_cannot_be_optimised_is_named_and_the_other_goes_on(
     assert np.isfinite(result.people[LOST].vertices).all()
     assert apart(result.people[LOST], sound.people[LOST]) < 0.2
     check_unspoilt(result.people[KEPT], sound, alone, world)
-
-
-def test_no_valid_body_at_all_is_an_error(world: World) -> None:
-    class LoseBodies(backends.MockBodyEstimator):
-        def infer(self, *arguments):
-            answer = super().infer(*arguments)
-            return replace(answer, parameters=replace(answer.parameters, transl=answer.parameters.transl * np.nan))
-
-    with pytest.raises(BackendOutputError, match="transl must be finite, 6 values are not"):
-        run(world, LoseBodies, "body_estimator")
 
 
 def test_invalid_rows_become_the_values_for_unknown() -> None:

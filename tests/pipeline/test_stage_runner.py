@@ -132,12 +132,17 @@ class Own(PhysicError):
         super().__init__(f"{one} and {two}")
 
 
+class OwnExit(BaseException):
+    pass
+
+
 @pytest.mark.parametrize("event", ["load", "infer"])
 @pytest.mark.parametrize(
     ("error", "kind", "message"),
     [
         (RuntimeError("no weights"), BackendError, f"{TITLE}: RuntimeError: no weights {LOADS}"),
         (SystemExit(3), BackendError, f"{TITLE}: SystemExit: 3 {LOADS}"),
+        (OwnExit("x"), BackendError, f"{TITLE}: OwnExit: x {LOADS}"),
         (MemoryError(), BackendError, f"{TITLE}: MemoryError {LOADS}"),
         (InputError("the image is tiny"), InputError, f"{TITLE}: the image is tiny"),
         (NoPersonError("nobody"), NoPersonError, f"{TITLE}: nobody"),
@@ -206,20 +211,6 @@ def test_a_run_continues_without_an_optional_backend():
 def run(tmp_path: Path) -> Callable[[], StageRunner]:
     """Begins another run with the same cache."""
     return lambda: StageRunner("cpu", 1, cache=ResultCache(tmp_path / "answers", 10**6))
-
-
-def test_a_cached_output_needs_neither_call_nor_load(events: list[str], run: Callable[[], StageRunner]):
-    first, second = run(), run()
-    once = ask(first, Counting())
-    again = ask(second, Counting())
-    second.close()
-    assert events == ["load a on cpu", "infer a"]
-    np.testing.assert_array_equal(once.depth, again.depth)
-    assert once.notes == again.notes
-    assert [(r.cached, r.failed, r.load_seconds > 0) for s in (first, second) for r in s.records] == [
-        (False, False, True),
-        (True, False, False),
-    ]
 
 
 class ReadsTheHole(Counting):
