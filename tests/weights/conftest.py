@@ -12,6 +12,11 @@ from typing import Any
 
 import pytest
 
+from physic_core.weights import WeightFile, WeightSet
+
+CONTENT = bytes(range(256)) * 4096  # 1 MB
+HASH = hashlib.sha256(CONTENT).hexdigest()
+
 
 @pytest.fixture(autouse=True)
 def own_cache(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
@@ -25,8 +30,10 @@ def own_cache(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypa
     return tmp_path / "cache" / "physic" / "weights"
 
 
-def sha256(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()
+def weights(*files: WeightFile, **keys: Any) -> WeightSet:
+    """Return a set named net."""
+    known = {"summary": "", "license": "MIT", "commercial": True, "account": False, "homepage": "", "advice": ""}
+    return WeightSet(name="net", files=files, **(known | keys))
 
 
 class Lists:

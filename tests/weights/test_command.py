@@ -12,8 +12,7 @@ from click.testing import CliRunner, Result
 
 from physic_core.cli import main
 
-CONTENT = bytes(range(256)) * 4096
-HASH = hashlib.sha256(CONTENT).hexdigest()
+from .conftest import CONTENT, HASH
 
 
 def physic(*arguments: str) -> Result:

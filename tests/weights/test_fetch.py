@@ -14,13 +14,7 @@ from physic_core.errors import DownloadError, OutputError
 from physic_core.weights import WeightFile, WeightSet, locate, read_manifest
 from physic_setup.fetch import fetch
 
-CONTENT = bytes(range(256)) * 4096  # 1 MB
-HASH = hashlib.sha256(CONTENT).hexdigest()
-
-
-def weights(*files: WeightFile, **keys: Any) -> WeightSet:
-    known = {"summary": "", "license": "MIT", "commercial": True, "account": False, "homepage": "", "advice": ""}
-    return WeightSet(name="net", files=files, **(known | keys))
+from .conftest import CONTENT, HASH, weights
 
 
 def one(source: str, content: bytes = CONTENT, path: str = "model.onnx", **keys: Any) -> WeightSet:

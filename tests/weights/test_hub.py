@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 
 from physic_core.errors import DownloadError
-from physic_core.weights import WeightFile, WeightSet, locate, read_manifest
+from physic_core.weights import WeightFile, locate, read_manifest
 from physic_setup.fetch import fetch
 
-CONTENT = bytes(range(256)) * 4096
-HASH = hashlib.sha256(CONTENT).hexdigest()
+from .conftest import CONTENT, HASH, weights
+
 CONFIG = b'{"hidden_size": 8}'
 COMMIT = "c" * 40
 
@@ -68,11 +68,6 @@ def hub(server: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterato
     yield Hub(server)
     # The library keeps connections for later requests: none of them must reach the server of another test.
     (getattr(utils, "close_session", None) or utils.reset_sessions)()
-
-
-def weights(*files: WeightFile, **keys: Any) -> WeightSet:
-    known = {"summary": "", "license": "MIT", "commercial": True, "account": False, "homepage": "", "advice": ""}
-    return WeightSet(name="net", files=files, **(known | keys))
 
 
 def refusal(source: str, file: dict[str, Any] | None = None, **settings: Any) -> str:

@@ -13,6 +13,12 @@ from physic_core.weights import fingerprint, locate, missing
 SOURCE = "hf://owner/net/model.onnx"
 
 
+@pytest.fixture
+def net(lists: Any) -> Path:
+    """The folder with the list of one set named net, of one file."""
+    return lists.add("net", {"path": "model.onnx", "source": SOURCE})
+
+
 def write(path: Path, content: bytes = b"weights") -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(content)
@@ -27,30 +33,27 @@ def in_hub(tmp_path: Path, name: str, content: bytes = b"weights", repository: s
     return write(repo / "snapshots" / commit / name, content)
 
 
-def test_a_set_is_found_in_the_users_cache(lists: Any, own_cache: Path):
-    folder = lists.add("net", {"path": "model.onnx", "source": SOURCE})
+def test_a_set_is_found_in_the_users_cache(net: Path, own_cache: Path):
     there = write(own_cache / "net" / "model.onnx")
-    assert locate(folder, "net") == locate(folder, "net", "model.onnx") == there
-    assert missing(folder, "net") == ()
+    assert locate(net, "net") == locate(net, "net", "model.onnx") == there
+    assert missing(net, "net") == ()
 
 
-def test_the_folders_of_the_environment_go_first_in_their_order(lists: Any, own_cache: Path, tmp_path, monkeypatch):
-    folder = lists.add("net", {"path": "model.onnx", "source": SOURCE})
+def test_the_folders_of_the_environment_go_first_in_their_order(net: Path, own_cache: Path, tmp_path, monkeypatch):
     write(own_cache / "net" / "model.onnx")
     first, second = tmp_path / "first", tmp_path / "second"
     there = write(second / "net" / "model.onnx")
     monkeypatch.setenv("PHYSIC_WEIGHTS", f"{first}{os.pathsep}{second}")
-    assert locate(folder, "net") == there
+    assert locate(net, "net") == there
     there = write(first / "net" / "model.onnx")
-    assert locate(folder, "net") == there
+    assert locate(net, "net") == there
 
 
-def test_hugging_faces_cache_comes_last(lists: Any, own_cache: Path, tmp_path: Path):
-    folder = lists.add("net", {"path": "model.onnx", "source": SOURCE})
+def test_hugging_faces_cache_comes_last(net: Path, own_cache: Path, tmp_path: Path):
     there = in_hub(tmp_path, "model.onnx")
-    assert locate(folder, "net") == there
+    assert locate(net, "net") == there
     there = write(own_cache / "net" / "model.onnx")
-    assert locate(folder, "net") == there
+    assert locate(net, "net") == there
 
 
 def test_a_snapshot_is_the_folder_of_a_set_that_lies_in_it_as_listed(lists: Any, tmp_path: Path):
@@ -94,12 +97,11 @@ def test_how_to_get_it_follows_the_licence(lists: Any, keys: dict[str, Any], way
     assert missing(folder, "net") == (f"weights 'net' (MIT) are missing: {way}",)
 
 
-def test_a_path_of_the_users_own_is_taken_as_it_is(lists: Any, tmp_path: Path):
-    folder = lists.add("net", {"path": "model.onnx", "source": SOURCE})
+def test_a_path_of_the_users_own_is_taken_as_it_is(net: Path, tmp_path: Path):
     mine = write(tmp_path / "mine" / "x.onnx")
-    assert locate(folder, str(mine)) == locate(folder, str(mine), "model.onnx") == mine
-    assert locate(folder, str(mine.parent)) == mine.parent
-    assert locate(folder, str(mine.parent), "x.onnx") == mine
+    assert locate(net, str(mine)) == locate(net, str(mine), "model.onnx") == mine
+    assert locate(net, str(mine.parent)) == mine.parent
+    assert locate(net, str(mine.parent), "x.onnx") == mine
 
 
 @pytest.mark.parametrize(
@@ -113,11 +115,10 @@ def test_a_path_of_the_users_own_is_taken_as_it_is(lists: Any, tmp_path: Path):
         ("{tmp}", "model.onnx", "no file model.onnx in the folder {tmp}"),
     ],
 )
-def test_a_missing_weight_path_is_named(lists: Any, tmp_path: Path, value: str, file: str | None, says: str):
-    folder = lists.add("net", {"path": "model.onnx", "source": SOURCE})
+def test_a_missing_weight_path_is_named(net: Path, tmp_path: Path, value: str, file: str | None, says: str):
     value = value.replace("{tmp}", str(tmp_path))
     with pytest.raises(WeightsMissingError, match=re.escape(says.replace("{tmp}", str(tmp_path)))):
-        locate(folder, value, file)
+        locate(net, value, file)
 
 
 def test_a_sets_name_goes_before_a_folder_of_that_name(lists: Any, own_cache: Path, tmp_path: Path, monkeypatch):
@@ -140,20 +141,19 @@ def test_a_fingerprint_is_that_of_the_published_file_wherever_it_lies(lists: Any
 
 
 def test_a_fingerprint_of_files_without_a_published_hash_follows_their_content(
-    lists: Any, own_cache: Path, tmp_path: Path
+    net: Path, own_cache: Path, tmp_path: Path
 ):
-    folder = lists.add("net", {"path": "model.onnx", "source": SOURCE})
     one, two, listed = (
         write(path) for path in (tmp_path / "one" / "x", tmp_path / "two" / "x", own_cache / "net" / "model.onnx")
     )
     os.utime(two, (5, 5))
-    assert fingerprint(folder, str(one)) == fingerprint(folder, str(two))
-    assert fingerprint(folder, str(one.parent)) == fingerprint(folder, str(two.parent))
-    before = fingerprint(folder, "net")
+    assert fingerprint(net, str(one)) == fingerprint(net, str(two))
+    assert fingerprint(net, str(one.parent)) == fingerprint(net, str(two.parent))
+    before = fingerprint(net, "net")
     for path in (two, listed):
         time = path.stat().st_mtime_ns
         path.write_bytes(b"WEIGHTS")
         os.utime(path, ns=(time, time))
-    assert fingerprint(folder, "net") != before
-    assert fingerprint(folder, str(one)) != fingerprint(folder, str(two))
-    assert fingerprint(folder, str(one.parent)) != fingerprint(folder, str(two.parent))
+    assert fingerprint(net, "net") != before
+    assert fingerprint(net, str(one)) != fingerprint(net, str(two))
+    assert fingerprint(net, str(one.parent)) != fingerprint(net, str(two.parent))
