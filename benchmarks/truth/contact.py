@@ -33,6 +33,9 @@ OF_RESULTS = {f"{side}_{one}": f"{side}_{other}" for side in SIDES for one, othe
 MIN_IOU = 0.4
 """Overlap of the boxes of a labelled and a found person from which they are one."""
 
+MAX_BELOW_MASK = 0.02
+"""Share of the stature by which a body may reach below the mask of its person."""
+
 FILMS = {"films of fits": FILMS_OF_FITS, "films that take no part in any fit": FILMS_APART}
 
 
@@ -75,6 +78,7 @@ def score_labelled(sample: Sample, answer: Answer) -> tuple[list[dict[str, Any]]
                 "seat": likely.get("seat", math.nan) >= 0.5,
                 "seat_label": None if label is None else TOUCHES[label],
                 "feet_in_air": feet if one["in_air"] else [],
+                "below_mask": person.get("below_mask") if person else None,
             }
         )
     return people, parts
@@ -109,12 +113,15 @@ def contact_rows(people: Sequence[Record], films: Sequence[Record]) -> list[Row]
     without = [{**r, "good": r["grade"] == "good"} for r in sits if r["no_seat"]]
     no_seat = [r for r in people if r["seat_label"] is False]
     feet = [{**r, "touches": touches} for r in people for touches in r["feet_in_air"]]
+    ends = [{**r, "deep": r["below_mask"] > MAX_BELOW_MASK} for r in people if r["below_mask"] is not None]
+    good = [r for r in ends if r["grade"] == "good"]
     rows = [
         Row("people found, contact", figure(people, pooled("found")), "all", percent=True),
         Row("people who sit and have a seat", figure(sits, pooled("seat")), "", percent=True),
         Row("  graded good of those without", figure(without, pooled("good")), "none", percent=True),
         Row("people without a seat who get one", figure(no_seat, pooled("seat")), "<= 4 of 79", percent=True),
         Row("feet of people in the air said to touch", figure(feet, pooled("touches")), "<= 2 of 10", percent=True),
+        Row("people graded good who reach below their mask", figure(good, pooled("deep")), "<= 1 of 13", percent=True),
     ]
     for words, names in FILMS.items():
         mine = [r for r in films if r["group"] in names]

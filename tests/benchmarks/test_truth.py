@@ -351,6 +351,7 @@ def labels(box: list[float], posture: object, in_air: bool = False, **parts: str
 
 def test_labelled_parts_are_scored_against_the_world(truth, joints, tmp_path):
     person = person_of(truth, joints) | {"parts": {"left_foot": 0.7, "right_foot": 0.6, "seat": 0.3, "left_hand": 0.9}}
+    person["below_mask"] = 0.03
     other = person_of(truth, moved(joints, 1, 0, 0)) | {"parts": {"left_foot": 0.8, "right_foot": 0.2, "seat": 0.5}}
     far = [2000, 2000, 2100, 2200]
     people = [
@@ -380,9 +381,23 @@ def test_labelled_parts_are_scored_against_the_world(truth, joints, tmp_path):
     assert rows["people without a seat who get one"].value == pytest.approx(1 / 2)
     in_air = rows["feet of people in the air said to touch"]
     assert (in_air.value, in_air.count) == (0.5, 2)
+    deep = rows["people graded good who reach below their mask"]
+    assert (deep.value, deep.count) == (1, 1)
     tables = truth.contact.part_tables(records["parts"])
     assert tables["contact"]["feet"]["auc"]["value"] == pytest.approx(2.5 / 6)
     assert "| contact: feet | 5 | 2 | 0.417 |" in truth.contact.table_of_parts(tables)
+
+
+def test_a_body_that_ends_below_the_mask_is_measured_in_statures(truth):
+    """A person of 2 m at 4 m spans 500 px of a focal length of 1000 px; the body ends 10 rows below the mask."""
+    mask = np.zeros((800, 400), bool)
+    mask[100:600] = True
+    vertices = np.array([[0.0, -1, 4], [0.0, 209 / 250, 4]])
+    person = SimpleNamespace(mask=mask, stature=2.0, vertices=vertices, joints=np.array([[0.0, 0, 4]]))
+    camera = np.array([[1000.0, 0, 200], [0, 1000, 400], [0, 0, 1]])
+    assert truth.run.below_mask(person, camera) == pytest.approx(10 / 500)
+    mask[600:] = True
+    assert truth.run.below_mask(person, camera) is None
 
 
 def test_films_of_fits_and_films_apart_are_tables_of_their_own(truth):
