@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,96 +36,64 @@ def body_of(reconstruction: Reconstruction) -> BodyModel | None:
     return model if model.name == reconstruction.body_model else None
 
 
-@dataclass(frozen=True)
-class PersonRecord:
-    """Numbers of one person, ready for JSON; a number that is not known is None.
-
-    Attributes:
-        grade: of :class:`physic_core.types.Grade`, or None.
-        box: x0 y0 x1 y1 px, or None if the photo does not show the person.
-        color: of the person's number, sRGB.
-        tint: of the body, sRGB.
-        posed: whether there is a finite body; without one, the distances are None.
-        contact_vertices: number of vertices in contact.
-        vertices: number of vertices.
-        contacts: ``part``, ``partner``, ``color`` sRGB, ``probability``, ``likely``, ``assumed`` of each.
-        support: sentence on what carries the person.
-        stature: metres.
-        stature_sigma: standard deviation of its logarithm.
-        camera: distance of the pelvis from the camera, metres.
-        distance_sigma: standard deviation of its logarithm.
-        pelvis: (3,) metres, camera frame.
-        pelvis_height: over the floor, metres.
-        lowest: height of the lowest vertex over the floor, metres.
-        others: ``person``, ``pelvis`` and ``gap``, the distances of the pelvises and of the surfaces, metres.
-        contact: ``part``, ``cm2``, ``share`` and ``colors`` by body part, where ``colors`` divides the share by what is
-            touched (``color`` sRGB, ``share``).
-    """
-
-    grade: str | None
-    box: list[float] | None
-    color: list[int]
-    tint: list[int]
-    posed: bool
-    contact_vertices: int
-    vertices: int
-    contacts: list[dict[str, Any]]
-    support: str | None
-    stature: float | None = None
-    stature_sigma: float | None = None
-    camera: float | None = None
-    distance_sigma: float | None = None
-    pelvis: list[float] | None = None
-    pelvis_height: float | None = None
-    lowest: float | None = None
-    others: list[dict[str, Any]] = field(default_factory=list)
-    contact: list[dict[str, Any]] | None = None
-
-
 def people_records(reconstruction: Reconstruction) -> list[dict[str, Any]]:
-    """Return the numbers of each person, with the keys of :class:`PersonRecord`."""
+    """Return the numbers of each person, ready for JSON; a number that is not known is None.
+
+    Returns:
+        For each person:
+
+        - ``grade``: of :class:`physic_core.types.Grade`, or None.
+        - ``box``: x0 y0 x1 y1 px, or None if the photo does not show the person.
+        - ``color``: of the person's number, sRGB. ``tint``: of the body, sRGB.
+        - ``posed``: whether there is a finite body; without one, the distances are None.
+        - ``contact_vertices``: number of vertices in contact. ``vertices``: number of vertices.
+        - ``contacts``: ``part``, ``partner``, ``color`` sRGB, ``probability``, ``likely``, ``assumed`` of each.
+        - ``support``: sentence on what carries the person.
+        - ``stature``: metres. ``stature_sigma``: standard deviation of its logarithm.
+        - ``camera``: distance of the pelvis from the camera, metres. ``distance_sigma``: standard deviation of its
+          logarithm.
+        - ``pelvis``: (3,) metres, camera frame. ``pelvis_height``: over the floor, metres.
+        - ``lowest``: height of the lowest vertex over the floor, metres.
+        - ``others``: ``person``, ``pelvis`` and ``gap``, the distances of the pelvises and of the surfaces, metres.
+        - ``contact``: ``part``, ``cm2``, ``share`` and ``colors`` by body part, where ``colors`` divides the share by
+          what is touched (``color`` sRGB, ``share``).
+    """
     model = body_of(reconstruction) if any(is_posed(person) for person in reconstruction.people) else None
     gaps = _gaps(reconstruction)
-    records = []
-    for index, person in enumerate(reconstruction.people):
-        record = replace(_record(person, index), distance_sigma=reconstruction.distance_sigmas[index])
-        if record.posed:
-            record = _with_distances(record, reconstruction, index, gaps)
-            if model is not None and model.num_vertices == len(person.vertices):
-                contact = _contact_by_part(reconstruction, person, model)
-                record = replace(record, stature=_stature(person, model), contact=contact)
-                record = replace(record, stature_sigma=person.stature_sigma)
-        records.append(asdict(record))
-    return records
+    return [_record(reconstruction, index, gaps, model) for index in range(len(reconstruction.people))]
 
 
-def _record(person: Person, index: int) -> PersonRecord:
-    titles = partner_titles(contact.partner for contact in person.contacts)
-    return PersonRecord(
-        grade=None if person.grade is None else str(person.grade),
-        box=[float(edge) for edge in person.box] if person.mask.any() else None,
-        color=list(person_color(index)),
-        tint=list(person_tint(index)),
-        posed=is_posed(person),
-        contact_vertices=int(np.sum(person.contact)),
-        vertices=len(person.vertices),
-        contacts=[_contact(contact, titles[contact.partner]) for contact in person.contacts],
-        support=None if person.support is None else str(person.support),
-    )
-
-
-def _with_distances(
-    record: PersonRecord, reconstruction: Reconstruction, index: int, gaps: dict[tuple[int, int], float]
-) -> PersonRecord:
+def _record(
+    reconstruction: Reconstruction, index: int, gaps: dict[tuple[int, int], float], model: BodyModel | None
+) -> dict[str, Any]:
     person = reconstruction.people[index]
-    pelvis = np.asarray(person.joints[_PELVIS], np.float64)
-    others = [
-        {"person": other, "pelvis": _pelvis_distance(reconstruction, index, other), "gap": gap}
-        for (first, other), gap in gaps.items()
-        if first == index
-    ]
-    camera = float(np.linalg.norm(pelvis))
-    return replace(record, camera=camera, pelvis=pelvis.tolist(), others=others, **_heights(reconstruction, person))
+    posed, pelvis = is_posed(person), np.asarray(person.joints[_PELVIS], np.float64)
+    titles = partner_titles(contact.partner for contact in person.contacts)
+    fits = posed and model is not None and model.num_vertices == len(person.vertices)
+    body = model if fits else None
+    return {
+        "grade": None if person.grade is None else str(person.grade),
+        "box": [float(edge) for edge in person.box] if person.mask.any() else None,
+        "color": list(person_color(index)),
+        "tint": list(person_tint(index)),
+        "posed": posed,
+        "contact_vertices": int(np.sum(person.contact)),
+        "vertices": len(person.vertices),
+        "contacts": [_contact(contact, titles[contact.partner]) for contact in person.contacts],
+        "support": None if person.support is None else str(person.support),
+        "stature": None if body is None else _stature(person, body),
+        "stature_sigma": None if body is None else person.stature_sigma,
+        "camera": float(np.linalg.norm(pelvis)) if posed else None,
+        "distance_sigma": reconstruction.distance_sigmas[index],
+        "pelvis": pelvis.tolist() if posed else None,
+        **_heights(reconstruction, person),
+        "others": [
+            {"person": other, "pelvis": _pelvis_distance(reconstruction, index, other), "gap": gap}
+            for (first, other), gap in gaps.items()
+            if first == index
+        ],
+        "contact": None if body is None else _contact_by_part(reconstruction, person, body),
+    }
 
 
 def _contact(contact: BodyContact, partner: str) -> dict[str, Any]:
@@ -151,9 +118,9 @@ def _stature(person: Person, model: BodyModel) -> float | None:
 
 
 def _heights(reconstruction: Reconstruction, person: Person) -> dict[str, Any]:
-    """Return the heights of pelvis and lowest vertex over the floor, metres."""
+    """Return the heights of pelvis and lowest vertex over the floor, metres; None without a floor or a body."""
     floor = reconstruction.scene.floor
-    if floor is None:
+    if floor is None or not is_posed(person):
         return {"pelvis_height": None, "lowest": None}
     normal = np.asarray(floor.normal, np.float64)
     length = float(np.linalg.norm(normal))
