@@ -116,8 +116,8 @@ def _measure_accuracy(options: _AccuracyOptions) -> None:
     require_available(resolve(noisy))
     check_results(check_writable(options.out))
 
+    from physic_bench.worlds.ablation import FULL, TRIAL, TableRow, select_rows
     from physic_bench.worlds.run_worlds import BenchmarkJob
-    from physic_bench.worlds.table_rows import FULL, TRIAL, TableRow, select_rows
     from physic_bench.worlds.world_evidence import benchmark_cases, with_other_bodies
 
     keys = [key.strip() for key in options.rows.split(",") if key.strip()]

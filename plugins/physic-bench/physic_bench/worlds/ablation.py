@@ -1,16 +1,46 @@
-"""Ablations: rows of the paper's Table 3, static contacts and PROX, as overrides of a preset."""
+"""Rows of the ablation table: those of the paper's Table 3, static contacts and PROX, as overrides of a preset."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-from physic_core import engine_preset
+from physic_core import engine_preset, engine_preset_names
 from physic_core.engine.settings import EngineSettings, with_overrides
+from physic_core.errors import ConfigError
+from physic_core.files.text import to_json
+
+START, FULL, TRIAL = "start", "full", "trial"
 
 Overrides = Mapping[str, Any]
 """Changed settings: stage -> field -> value, or stage -> term -> field -> value."""
+
+
+@dataclass(frozen=True)
+class TableRow:
+    """One row of the ablation table.
+
+    Attributes:
+        key: short name, for ``--rows``.
+        label: printed label.
+        settings: engine settings; None for the estimators' own bodies.
+    """
+
+    key: str
+    label: str
+    settings: EngineSettings | None
+
+    @property
+    def digest(self) -> str:
+        """Hash of the settings and of their types, which select the energy; independent of the label."""
+        settings: Any = None
+        if self.settings is not None:
+            types = [type(getattr(self.settings, stage.name)).__name__ for stage in fields(self.settings)]
+            settings = [types, to_json(asdict(self.settings), digits=7)]
+        return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:16]
 
 
 @dataclass(frozen=True)
@@ -18,11 +48,13 @@ class AblationRow:
     """One row of the ablation table.
 
     Attributes:
+        key: short name, for ``--rows``.
         name: in the paper's notation.
         overrides: settings that differ from the full model.
         preset: base of the overrides, instead of the full model.
     """
 
+    key: str
     name: str
     overrides: Overrides
     preset: str | None = None
@@ -31,16 +63,6 @@ class AblationRow:
         """Return the settings of this row, given those of the full model."""
         base = full if self.preset is None else engine_preset(self.preset)
         return with_overrides(base, self.overrides)
-
-
-def rows(base_preset: str = "default") -> dict[str, EngineSettings]:
-    """Return the settings of each row by name, in the paper's order; ``base_preset`` is the full model.
-
-    Raises:
-        ConfigError: unknown preset.
-    """
-    full = engine_preset(base_preset)
-    return {row.name: row.settings(full) for row in ABLATION}
 
 
 def _without(*parts: Overrides) -> dict[str, dict[str, Any]]:
@@ -66,13 +88,44 @@ _FLOOR: Overrides = {
 }
 
 ABLATION: tuple[AblationRow, ...] = (
-    AblationRow("L_reg + L_j2d", _without(_CONTACT, _PENETRATION, _DEPTH, _OCCLUSION, _FLOOR)),
-    AblationRow("+ L_c", _without(_PENETRATION, _DEPTH, _OCCLUSION, _FLOOR)),
-    AblationRow("+ L_i", _without(_DEPTH, _OCCLUSION, _FLOOR)),
-    AblationRow("+ L_d", _without(_OCCLUSION, _FLOOR)),
-    AblationRow("+ occ. aware L_i", _without(_FLOOR)),
-    AblationRow("+ floor (full model)", {}),
-    AblationRow("static contacts", {"joint": {"contact": {"source": "static"}}}),
-    AblationRow("PROX", {}, preset="prox"),
+    AblationRow("reprojection", "L_reg + L_j2d", _without(_CONTACT, _PENETRATION, _DEPTH, _OCCLUSION, _FLOOR)),
+    AblationRow("contact", "+ L_c", _without(_PENETRATION, _DEPTH, _OCCLUSION, _FLOOR)),
+    AblationRow("penetration", "+ L_i", _without(_DEPTH, _OCCLUSION, _FLOOR)),
+    AblationRow("depth", "+ L_d", _without(_OCCLUSION, _FLOOR)),
+    AblationRow("occlusion", "+ occ. aware L_i", _without(_FLOOR)),
+    AblationRow(FULL, "+ floor (full model)", {}),
+    AblationRow("prox", "PROX", {}, preset="prox"),
+    AblationRow("static", "static contacts", {"joint": {"contact": {"source": "static"}}}),
 )
 """Rows of the ablation table; each row up to the full model adds one term to the previous one."""
+
+
+def ablation_rows(preset: str) -> tuple[TableRow, ...]:
+    """Return the start row and all ablation rows of an engine preset, which is the full model, in the paper's order.
+
+    Raises:
+        ConfigError: the engine has no such preset.
+    """
+    full = engine_preset(preset)
+    rows = (TableRow(row.key, row.name, row.settings(full)) for row in ABLATION)
+    return (TableRow(START, "start (the estimators' own)", None), *rows)
+
+
+def select_rows(preset: str, keys: Sequence[str]) -> tuple[TableRow, ...]:
+    """Select rows of the ablation table by key. The name of an engine preset is also a key.
+
+    Args:
+        preset: engine preset of the table.
+        keys: keys of rows or names of presets; if empty, all rows and no other preset.
+
+    Raises:
+        ConfigError: no row or preset has this key.
+    """
+    rows = ablation_rows(preset)
+    names = [name for name in engine_preset_names() if name not in {row.key for row in rows}]
+    others = tuple(TableRow(name, f"preset {name}", engine_preset(name)) for name in names)
+    known = [row.key for row in (*rows, *others)]
+    for key in keys:
+        if key not in known:
+            raise ConfigError(f"no row named '{key}'; there are: {', '.join(known)}")
+    return tuple(row for row in (*rows, *others) if row.key in keys) if keys else rows

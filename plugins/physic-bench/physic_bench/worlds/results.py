@@ -8,8 +8,8 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from physic_bench.tables import Tables
+from physic_bench.worlds.ablation import FULL
 from physic_bench.worlds.columns import COLUMNS, records_of
-from physic_bench.worlds.table_rows import FULL
 from physic_bench.worlds.world_evidence import source_hash
 
 if TYPE_CHECKING:

@@ -22,8 +22,8 @@ from physic_bench.worlds.world_evidence import WorldCase, estimate_evidence, evi
 from physic_core.errors import PhysicError
 
 if TYPE_CHECKING:
+    from physic_bench.worlds.ablation import TableRow
     from physic_bench.worlds.evaluation import Evaluator
-    from physic_bench.worlds.table_rows import TableRow
     from physic_core.body.model import BodyModel
     from physic_core.configuration.model import Config
     from physic_core.configuration.resolve import ResolvedPipeline

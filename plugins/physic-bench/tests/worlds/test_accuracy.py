@@ -12,9 +12,9 @@ from click.testing import CliRunner
 
 from physic_bench.tables import write_results
 from physic_bench.worlds import run_worlds, world_evidence
+from physic_bench.worlds.ablation import ablation_rows, select_rows
 from physic_bench.worlds.results import document_of, notes_of, tables_of
 from physic_bench.worlds.run_worlds import BenchmarkJob, run_world
-from physic_bench.worlds.table_rows import ablation_rows, select_rows
 from physic_bench.worlds.world_evidence import WorldCase, estimate_evidence, load_evidence, save_evidence
 from physic_core.body import load_body
 from physic_core.cli import main
