@@ -16,10 +16,10 @@ from physic_core.types import SURFACE_NAMES
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.types import BoolArray, ContactPartner, FloatArray
+    from physic_core.types import BoolArray, ContactPartner, FloatArray, Support
     from physic_testing.worlds import World
 
-_FEWEST = 10  # vertices of a body part that carries
+_FEWEST = 10  # vertices of a body part that carries, as in a reported support
 _GROUND = ("floor", "ground", "rug")
 _PARTS_OF_REGION = {"back": ("torso",), "seat": ("torso", "left_upper_leg", "right_upper_leg")}
 
@@ -115,6 +115,30 @@ def contact_counts_by_partner(
         unseen = outer & ~_shown_limbs(world, person)[part]
         counts["reliability_unseen"] = _calibration(likely[unseen], anything[unseen])["reliability"]
     return counts
+
+
+def reported_support_counts(
+    support: Support | None, carrying: BoolArray, names: Sequence[str], region: NDArray[np.int64]
+) -> dict[str, int]:
+    """Count right and wrong body parts that carry one person.
+
+    Args:
+        support: reported; None counts as no support.
+        carrying: (V,) vertices that truly carry the person.
+        names: of the parts.
+        region: (V,) part of each vertex, see :func:`physic_core.engine.contact.regions.contact_regions`.
+
+    Returns:
+        The counts ``reported_support_hits``, ``reported_support_false_alarms`` and ``reported_support_misses``.
+    """
+    vertices = np.bincount(region[carrying], minlength=len(names))
+    true = {name for name, count in zip(names, vertices, strict=True) if count >= _FEWEST}
+    found = {contact.part for contact in support.contacts} if support is not None else set()
+    return {
+        "reported_support_hits": len(found & true),
+        "reported_support_false_alarms": len(found - true),
+        "reported_support_misses": len(true - found),
+    }
 
 
 def _counts(kind: str, found: BoolArray, true: BoolArray) -> dict[str, int]:

@@ -12,9 +12,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_bench.worlds.contact_partners import NO_CONTACT, ContactMap, contact_counts_by_partner
-from physic_bench.worlds.support_scores import SupportScorer
+from physic_bench.worlds.contact_partners import (
+    NO_CONTACT,
+    ContactMap,
+    contact_counts_by_partner,
+    reported_support_counts,
+)
 from physic_core.body import load_body
+from physic_core.engine.contact.regions import contact_regions
 from physic_core.errors import PhysicError
 from physic_core.metrics import (
     BODY_JOINTS,
@@ -135,7 +140,8 @@ class Evaluator:
         self.world = world
         model = load_body(world.body_model)
         self._part = model.part_of_vertex.numpy()
-        self._support = SupportScorer(model)
+        self._support_parts, region = contact_regions(model)
+        self._support_part = region.cpu().numpy()
         self.matching: Matching = match_by_masks(people, world.masks, min_iou=0.3)
         self._graph = graph
         self._empty = world.points(people=False)
@@ -165,7 +171,7 @@ class Evaluator:
         seen, whole = world.masks.sum((1, 2)), world.unoccluded_masks.sum((1, 2))
         return [
             {
-                "action": _action(world, i),
+                "action": world.action[i],
                 "distance_m": float(world.joints[i, 0, 2]),
                 "visible_share": float(seen[i] / max(whole[i], 1)),
                 "hidden_limb_joints": int(self._limbs[i].sum()),
@@ -200,11 +206,15 @@ class Evaluator:
         if len(rows):
             measured = zip(self._pose(estimate, rows, true), self._contact(estimate, rows, true), strict=True)
             touch = self._scene_touch(estimate, rows, true)
+            true_person = dict(zip(matching.predicted.tolist(), matching.truth.tolist(), strict=True))
             for j, (pose, contact) in enumerate(measured):
-                failure, found = estimate.failures[rows[j]], touch[j] if touch else {}
-                partners = self._partners(estimate, int(rows[j]), int(true[j]))
-                support = self._reported_support(estimate, int(rows[j]), int(true[j]))
-                answers[true[j]] = {"found": True, "why": failure, **pose, **contact, **partners, **support, **found}
+                row, person = int(rows[j]), int(true[j])
+                answer = {"found": True, "why": estimate.failures[row], **pose, **contact}
+                if estimate.contacts is not None:
+                    answer |= contact_counts_by_partner(world, estimate.contacts, row, person, true_person, self._part)
+                if estimate.supports is not None:
+                    answer |= self._support_counts(estimate.supports[row], person)
+                answers[person] = answer | (touch[j] if touch else {})
         return answers
 
     def missed_records(self, why: str) -> list[dict[str, Any]]:
@@ -262,18 +272,9 @@ class Evaluator:
             for j in range(len(rows))
         ]
 
-    def _partners(self, estimate: WorldEstimate, row: int, person: int) -> dict[str, Any]:
-        """Return the counts of contact partners of a person; empty if the estimate has none."""
-        if estimate.contacts is None:
-            return {}
-        true_person = dict(zip(self.matching.predicted.tolist(), self.matching.truth.tolist(), strict=True))
-        return contact_counts_by_partner(self.world, estimate.contacts, row, person, true_person, self._part)
-
-    def _reported_support(self, estimate: WorldEstimate, row: int, person: int) -> dict[str, int]:
-        """Return the counts of body parts that carry a person; empty if the estimate has none."""
-        if estimate.supports is None:
-            return {}
-        return self._support.counts(estimate.supports[row], self.world.support[person])
+    def _support_counts(self, support: Support | None, person: int) -> dict[str, int]:
+        carrying = self.world.support[person]
+        return reported_support_counts(support, carrying, self._support_parts, self._support_part)
 
     def _scene_touch(self, estimate: WorldEstimate, rows: Indices, true: Indices) -> list[dict[str, float]]:
         """Return penetration and floating of matched people relative to the reconstructed scene."""
@@ -321,11 +322,5 @@ class Evaluator:
         counts: dict[str, Any] = {"hits": 0, "false_alarms": 0, "misses": int(self.world.contact[i].sum())}
         if partners:
             counts |= contact_counts_by_partner(self.world, NO_CONTACT, 0, i, {}, self._part)
-            counts |= self._support.counts(None, self.world.support[i])
+            counts |= self._support_counts(None, i)
         return counts
-
-
-def _action(world: World, person: int) -> str:
-    """Return the action of a person."""
-    actions = getattr(world, "action", None)
-    return str(actions[person]) if actions is not None else world.name

@@ -72,17 +72,8 @@ def estimate_evidence(
         return known
     evidence = run_backends(world.image, None, plan, lambda: model, StageRunner(plan.device, len(plan.backends)))
     if path is not None:
-        save_evidence(path, evidence)
+        write_value(path, evidence)
     return evidence
-
-
-def save_evidence(path: Path, evidence: Estimates) -> None:
-    """Write evidence to a file atomically.
-
-    Raises:
-        OutputError: the folder cannot be written.
-    """
-    write_value(path, evidence)
 
 
 def load_evidence(path: Path) -> Estimates | None:

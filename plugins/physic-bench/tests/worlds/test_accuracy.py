@@ -15,12 +15,13 @@ from physic_bench.worlds import run_worlds, world_evidence
 from physic_bench.worlds.ablation import ablation_rows, select_rows
 from physic_bench.worlds.results import document_of, notes_of, tables_of
 from physic_bench.worlds.run_worlds import BenchmarkJob, run_world
-from physic_bench.worlds.world_evidence import WorldCase, estimate_evidence, load_evidence, save_evidence
+from physic_bench.worlds.world_evidence import WorldCase, estimate_evidence, load_evidence
 from physic_core.body import load_body
 from physic_core.cli import main
 from physic_core.configuration.model import load_config
 from physic_core.configuration.resolve import resolve
 from physic_core.errors import ConfigError, PhysicError
+from physic_core.files.plain import write_value
 from physic_core.interfaces import INTERFACES
 from physic_testing.worlds import build_world
 
@@ -52,7 +53,7 @@ def alike(one, other):
 
 
 def test_evidence_is_read_as_it_was_written(evidence, tmp_path):
-    save_evidence(tmp_path / "a" / "e.npz", evidence)
+    write_value(tmp_path / "a" / "e.npz", evidence)
     assert alike(load_evidence(tmp_path / "a" / "e.npz"), evidence)
     (tmp_path / "a" / "e.npz").write_bytes((tmp_path / "a" / "e.npz").read_bytes()[:-900])
     assert load_evidence(tmp_path / "a" / "e.npz") is None

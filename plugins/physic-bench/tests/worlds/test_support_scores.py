@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physic_bench.worlds.support_scores import SupportScorer
+from physic_bench.worlds.contact_partners import reported_support_counts
 from physic_core.body import load_body
 from physic_core.engine.contact.regions import contact_regions
 from physic_core.types import BodyContact, ContactPartner, Support
 
 MODEL = load_body("embedded")
+NAMES, REGION = contact_regions(MODEL)
 
 
 def support(*parts):
@@ -19,11 +20,14 @@ def support(*parts):
 
 
 def vertices(*parts, count=40):
-    names, region = contact_regions(MODEL)
     chosen = np.zeros(MODEL.num_vertices, bool)
     for part in parts:
-        chosen[np.flatnonzero(region.numpy() == names.index(part))[:count]] = True
+        chosen[np.flatnonzero(REGION.numpy() == NAMES.index(part))[:count]] = True
     return chosen
+
+
+def counts_of(reported, carrying):
+    return reported_support_counts(reported, carrying, NAMES, REGION.numpy())
 
 
 @pytest.mark.parametrize(
@@ -36,14 +40,14 @@ def vertices(*parts, count=40):
     ],
 )
 def test_each_part_of_a_support_is_counted_once(reported, true, counts):
-    found = SupportScorer(MODEL).counts(support(*reported), vertices(*true))
+    found = counts_of(support(*reported), vertices(*true))
     assert tuple(found.values()) == counts
 
 
 def test_a_person_without_a_support_misses_every_true_part():
-    assert SupportScorer(MODEL).counts(None, vertices("left_foot"))["reported_support_misses"] == 1
+    assert counts_of(None, vertices("left_foot"))["reported_support_misses"] == 1
 
 
 def test_fewer_than_ten_vertices_do_not_carry():
-    found = SupportScorer(MODEL).counts(support(), vertices("left_foot", count=9))
+    found = counts_of(support(), vertices("left_foot", count=9))
     assert sum(found.values()) == 0
