@@ -6,7 +6,7 @@ import copy
 import gc
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass, field
 from functools import partial
@@ -136,7 +136,7 @@ class StageRunner:
                 seconds = time.perf_counter() - start
             self.records.append(StageRecord(name, seconds, loading, resolved.provenance, cached, failed))
             if (self.close_used or self.low_memory) and last:
-                self._warn_each(self._loaded.close(resolved))
+                self._close(resolved)
                 if self.low_memory:
                     gc.collect()
         return cast("Result", result)
@@ -155,8 +155,7 @@ class StageRunner:
         try:
             return self.call_backend(name, resolved, request)
         except PhysicError as error:
-            self.warn(f"{_one_line(error)}; {otherwise}")
-            _print_traceback(error)
+            self._warn_of(error, otherwise)
             return None
 
     def trim_cache(self) -> None:
@@ -167,17 +166,22 @@ class StageRunner:
 
     def close(self) -> None:
         """Close all loaded backends and trim the cache; a backend that cannot be closed adds a warning."""
-        self._warn_each(self._loaded.close())
+        self._close()
         self.trim_cache()
 
     def _begin(self, name: str) -> None:
         if self.progress is not None:
             self.progress(name, len(self.records), self.total)
 
-    def _warn_each(self, errors: Iterable[PhysicError]) -> None:
-        for error in errors:
-            self.warn(f"{_one_line(error)}; the result is complete, but memory may be lost")
-            _print_traceback(error)
+    def _close(self, *only: ResolvedBackend) -> None:
+        for error in self._loaded.close(*only):
+            self._warn_of(error, "the result is complete, but memory may be lost")
+
+    def _warn_of(self, error: PhysicError, otherwise: str) -> None:
+        """Add a warning of an error, and print its traceback on stderr if ``PHYSIC_DEBUG`` is set."""
+        self.warn(f"{' '.join(str(error).split())}; {otherwise}")
+        if trace := traceback_text(error):
+            sys.stderr.write(trace)
 
     def _cache_key(self, title: str, resolved: ResolvedBackend, inputs: tuple[object, ...]) -> CacheKey | None:
         if self.cache is None or not resolved.cacheable:
@@ -193,16 +197,6 @@ class StageRunner:
             self.cache.discard(key, found[0])
             return None
         return result
-
-
-def _print_traceback(error: Exception) -> None:
-    """Print a traceback on stderr if ``PHYSIC_DEBUG`` is set."""
-    if trace := traceback_text(error):
-        sys.stderr.write(trace)
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())
 
 
 class LoadedBackends:
