@@ -198,7 +198,7 @@ def _people_seen(given: PeopleInScene, model: BodyModel) -> _Seen:
     vertices = posed.vertices.double().cpu().numpy()
     observed = np.ones((count, 55), bool) if given.bodies.observed is None else np.asarray(given.bodies.observed, bool)
     feet = np.stack([observed[:, [JOINT_INDEX[f"{s}_{j}"] for j in ("ankle", "foot")]].all(1) for s in SIDES], 1)
-    sizes = _sizes_of_people(given)
+    sizes = given.known.filled(count)
     sigma, real = _size_sigmas(given, *sizes), given.people.scores * adult_probability(*sizes)
     farther, spread = given.photo.people_farther or (0.0, _TORSO_SIGMA)
     stance, depth_right = _stance_without_floor(given, observed)
@@ -237,13 +237,6 @@ def _stance_without_floor(given: PeopleInScene, observed: BoolArray) -> tuple[St
     gap, among = depth_gaps_at_feet(detections, photo, scene, raised)
     stands, right = standing_prior(stance.touch, gap.numpy(), None if raised is None else among.numpy())
     return replace(stance, beside=depth_beside(detections, photo), stands=stands), right
-
-
-def _sizes_of_people(given: PeopleInScene) -> tuple[FloatArray, FloatArray]:
-    """Return the known statures (N,), metres, and ages (N,), years, NaN where unknown."""
-    unknown = np.full(len(given.people), np.nan)
-    stature, years = (unknown if x is None else x for x in (given.known.stature, given.known.years))
-    return stature, years
 
 
 def _size_sigmas(given: PeopleInScene, stature: FloatArray, years: FloatArray) -> FloatArray:

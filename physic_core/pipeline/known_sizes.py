@@ -20,8 +20,6 @@ from physic_core.types.known_sizes import KnownPeople
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from torch import Tensor
-
     from physic_core.engine.joint.problem import JointProblem, JointResult
     from physic_core.engine.placement.solve import EstimatedBodies, PlacedPeople
     from physic_core.engine.scene.solve import SceneState
@@ -47,23 +45,11 @@ def check_placed_people(
     """
     if placed.size_ratio is None:
         return []
-    estimated = bodies.model.stature(bodies.betas)
-    return _check_statures(known.geometry, estimates.statures, estimated, placed.size_ratio)
-
-
-def _check_statures(known: KnownGeometry, statures: FloatArray | None, estimated: Tensor, ratio: Tensor) -> list[str]:
-    """Compare the statures (N,) that people would have in a scene of known scale with usual and known ones.
-
-    Args:
-        known: its camera height or lengths gave the scale.
-        statures: (N,) metres, known ones, NaN where unknown; None if none is known.
-        estimated: (N,) metres, of the bodies; the known ones where known.
-        ratio: (N,) factor by which the scene would enlarge these bodies, NaN where unknown.
-    """
-    sizes, (least, most) = _scene_sizes(known), STATURES_M
-    given = [math.nan] * len(ratio) if statures is None else statures.tolist()
+    ratio, sizes, (least, most) = placed.size_ratio, _scene_sizes(known.geometry), STATURES_M
+    statures, _ = KnownPeople(stature=estimates.statures).filled(len(ratio))
+    shown_m = bodies.model.stature(bodies.betas) * ratio
     impossible, surely, measured = [], [], 0
-    for i, (stature, shown) in enumerate(zip(given, (estimated * ratio).tolist(), strict=True)):
+    for i, (stature, shown) in enumerate(zip(statures.tolist(), shown_m.tolist(), strict=True)):
         if abs(math.log(shown / stature)) > CONTRADICTION:
             raise ConfigError(
                 f"the stature {stature:.2f} m of person {i} contradicts {sizes}, by which the photo shows a person of "
@@ -77,8 +63,8 @@ def _check_statures(known: KnownGeometry, statures: FloatArray | None, estimated
     if 2 * len(surely) > measured:
         raise ConfigError(
             f"the photo contradicts {sizes}: in a scene of that size it shows {', '.join(impossible)}; beside people "
-            f"of usual stature it shows {_scene_sizes(known, 1 / float(ratio[surely].median()))}. Correct the size, or "
-            "leave it out"
+            f"of usual stature it shows {_scene_sizes(known.geometry, 1 / float(ratio[surely].median()))}. "
+            "Correct the size, or leave it out"
         )
     return [
         f"in a scene of the given size the photo shows {person}: check the size, and in the preview whether the floor "
@@ -220,8 +206,7 @@ def _compare_statures(
     """
     before, after = (problem.model.stature(betas).double().log().numpy() for betas in (problem.betas0, result.betas))
     after = after + off_floor
-    unknown = np.full(len(before), np.nan)
-    years, stature = (unknown if known is None else known for known in (given.years, given.stature))
+    stature, years = given.filled(len(before))
     sigma = stature_sigmas(stature, years)
     found: list[dict[str, float | None]] = [{} for _ in before]
     for i in np.flatnonzero((np.isfinite(years) | np.isfinite(stature)) & np.isfinite(after)).tolist():

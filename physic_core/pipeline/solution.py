@@ -16,6 +16,7 @@ from physic_core.engine.scene.solve import alignment_diagnostics
 from physic_core.engine.sizes.stature import size_sigmas
 from physic_core.pipeline.person_measures import measure_given_keypoints, measure_people
 from physic_core.types import NO_PARTNER, BodyParameters, CameraTrust, Intrinsics, Plane, Scene
+from physic_core.types.known_sizes import KnownPeople
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
@@ -92,8 +93,7 @@ def assemble_solution(
         touch: of stage 4.
     """
     s, sigma = result.scene_scale, problem.scale_sigma
-    unknown = np.full(len(problem), np.nan)
-    stature, years = (unknown if x is None else x for x in (estimates.statures, estimates.ages))
+    stature, years = KnownPeople(estimates.ages, estimates.statures).filled(len(problem))
     sizes = size_sigmas(stature, years, sigma if problem.views or placed.size_ratio is not None else None)
     people = tuple(
         {**{f"placement_{k}": v for k, v in start.items()}, **measures, "size_sigma": size, **given}
@@ -139,12 +139,10 @@ def assemble_solution(
 
 def scene_alone(estimates: Estimates, scene: SceneState, model: BodyModel, scale_sigma: float | None) -> Solution:
     """Return the solution of a photo without people: the scene of stage 1, and arrays for N = 0 people."""
-    rotations, betas, transl = model.zero_pose(0)
-    expression = betas.new_zeros(0, model.num_expression)
     return Solution(
         intrinsics=_intrinsics(scene.K, estimates),
         scene=_scene(scene, 1.0, scale_sigma, estimates),
-        parameters=parameters_from_rotations(rotations, betas, expression, transl),
+        parameters=estimates.bodies.parameters,
         vertices=np.zeros((0, model.num_vertices, 3), np.float32),
         joints=np.zeros((0, NUM_JOINTS, 3), np.float32),
         contact=np.zeros((0, model.num_vertices), bool),

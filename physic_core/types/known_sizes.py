@@ -99,3 +99,10 @@ class KnownPeople(ShortRepr):
     def select(self, rows: BoolArray) -> KnownPeople:
         """Return what is known of a selection (N,) of the people."""
         return KnownPeople(*(None if x is None else x[rows] for x in (self.years, self.stature)))
+
+    def filled(self, count: int) -> tuple[FloatArray, FloatArray]:
+        """Return statures and years (N,) of N people, NaN where unknown."""
+        import numpy as np
+
+        unknown = np.full(count, np.nan)
+        return unknown if self.stature is None else self.stature, unknown if self.years is None else self.years
