@@ -62,7 +62,6 @@ from physic_core.types.short_repr import ShortRepr
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.configuration.resolve import ResolvedBackend, ResolvedPipeline
-    from physic_core.engine.floor import FloorCandidate, FloorEvidence
     from physic_core.engine.joint.problem import OtherView
     from physic_core.engine.settings import EngineSettings
     from physic_core.engine.stance import Stance
@@ -175,11 +174,22 @@ def run_backends(
 
     hole, objects = _removed(people, keypoints, plan, image.shape)
     inpainted = run.inpainted(image, hole)
-    maps = _pointmaps(run, image, inpainted, Hints(given, people, keypoints, hole, photo=image), plan.engine)
-    hints, camera, scene = maps.hints, maps.camera, maps.scene
+    # The inpainted photo gives the scene, the original photo the people's depth.
+    hints = Hints(given, people, keypoints, hole, photo=image)
+    scene = run.pointmap("scene point map", inpainted, hints, last=not hole.any())
+    camera = given or scene.intrinsics or _camera_of(scene)
+    hints = replace(hints, intrinsics=camera, hole=None, photo=None, scene=scene)
+    original = run.pointmap("photo point map", image, hints) if hole.any() else scene
+    from physic_core.engine.floor import best_candidate, chosen_floor
 
-    bodies = run.bodies(BodyEstimatorRequest(image, people, camera, keypoints, hints), known.stature)
-    bodies = run.resized_children(bodies, known)
+    with stages.time_engine("floor candidates"):
+        evidence = floor_evidence(people, hole, keypoints)
+        floors = candidates_in(scene, evidence, plan.engine.scene)
+        floor_by_pixels = plane_of(chosen_floor(floors, best_candidate(floors), evidence))
+        aligned = _aligned(original, scene, hole, plan.engine) if hole.any() else scene
+
+    hints = replace(hints, floor=floor_by_pixels, original=aligned)
+    bodies = run.bodies(BodyEstimatorRequest(image, people, camera, keypoints, hints), known)
     # Backends that need bodies get only people with finite bodies.
     embodied = ~run.missing["body_estimator"]
     seen = select_people(people, embodied)
@@ -191,10 +201,10 @@ def run_backends(
     own = run.depth_of_own_scale(MetricDepthRequest(inpainted, hints))
     with stages.time_engine("floor and scale"):
         given_people = PeopleInScene(
-            scene, maps.aligned, camera, seen, seen_keypoints, select_people(bodies, embodied), known.select(embodied)
+            scene, aligned, camera, seen, seen_keypoints, select_people(bodies, embodied), known.select(embodied)
         )
         witness = own if plan.engine.scene.rescales_depth else None
-        found = find_floor_and_scale(maps.floors, maps.evidence, given_people, run.model, witness)
+        found = find_floor_and_scale(floors, evidence, given_people, run.model, witness)
     depth = found.depth or own or run.depth_of_scale(inpainted, replace(hints, floor=found.plane, scale=found.scale))
     stages.note(*depth.notes)
 
@@ -207,13 +217,13 @@ def run_backends(
         hole=hole,
         inpainted=inpainted,
         scene=scene,
-        original=maps.original,
+        original=original,
         floor=found.search,
         stance=found.stance.expanded(embodied),
         bodies=bodies,
         contact=contact,
         depth=depth,
-        missing_results=run.missing_per_person(len(people)),
+        missing_results=tuple(tuple(name for name, who in run.missing.items() if who[i]) for i in range(len(people))),
         objects=objects,
         ages=known.years,
         scale_guess=found.warning if own is None and depth.scale_sigma is None else "",
@@ -234,29 +244,6 @@ def _known_people(sizes: KnownSizes, people: People, *, chosen: bool) -> tuple[K
     return known, () if chosen else who_got_which(sizes, known, people)
 
 
-@dataclass(frozen=True)
-class _Pointmaps:
-    """Point maps of the inpainted and the original photo, and derived data.
-
-    Attributes:
-        scene: of the inpainted photo.
-        original: of the photo.
-        aligned: the same in the unit of the scene.
-        camera: of both.
-        evidence: of the floor.
-        floors: candidates for the floor of the scene, in its own scale.
-        hints: for backends of bodies, with the best of these floors by the pixels alone.
-    """
-
-    scene: Pointmap
-    original: Pointmap
-    aligned: Pointmap
-    camera: Intrinsics
-    evidence: FloorEvidence
-    floors: tuple[FloorCandidate, ...]
-    hints: Hints
-
-
 def _removed(
     people: People, keypoints: Keypoints, plan: ResolvedPipeline, shape: tuple[int, ...]
 ) -> tuple[BoolArray, BoolArray | None]:
@@ -268,28 +255,6 @@ def _removed(
     if objects is not None:
         hole |= objects.any(axis=0)
     return dilate(hole, max(4.0, plan.photo.mask_growth * max(shape[:2]))), objects
-
-
-def _pointmaps(
-    run: _BackendCalls, image: UInt8Array, inpainted: UInt8Array, hints: Hints, engine: EngineSettings
-) -> _Pointmaps:
-    """Estimate both point maps: the inpainted photo gives the scene, the original photo the people's depth."""
-    people, keypoints, hole = hints.people, hints.keypoints, hints.hole
-    assert people is not None
-    assert keypoints is not None
-    assert hole is not None
-    scene = run.pointmap("scene point map", inpainted, hints, last=not hole.any())
-    camera = hints.intrinsics or scene.intrinsics or _camera_of(scene)
-    hints = replace(hints, intrinsics=camera, hole=None, photo=None, scene=scene)
-    original = run.pointmap("photo point map", image, hints) if hole.any() else scene
-    from physic_core.engine.floor import best_candidate, chosen_floor
-
-    with run.stages.time_engine("floor candidates"):
-        evidence = floor_evidence(people, hole, keypoints)
-        floors = candidates_in(scene, evidence, engine.scene)
-        first = plane_of(chosen_floor(floors, best_candidate(floors), evidence))
-        aligned = _aligned(original, scene, hole, engine) if hole.any() else scene
-    return _Pointmaps(scene, original, aligned, camera, evidence, floors, replace(hints, floor=first, original=aligned))
 
 
 @dataclass(frozen=True)
@@ -353,15 +318,19 @@ class _BackendCalls:
         self.stages.warn(*pointmap.warnings)
         return pointmap
 
-    def bodies(self, request: BodyEstimatorRequest, statures: FloatArray | None) -> Bodies:
-        """Estimate bodies with hands, of known statures (N,) if any; NaN for people without finite results."""
+    def bodies(self, request: BodyEstimatorRequest, known: KnownPeople) -> Bodies:
+        """Estimate bodies with hands, of known stature or of a child's size; NaN for people without finite results."""
         bodies = self._bodies_without_hands(request)
         bodies = self._with_hands(HandEstimatorRequest(request.image, request.people, request.keypoints), bodies)
-        if statures is None:
+        if known.stature is None and known.years is None:
             return bodies
-        from physic_core.pipeline.known_people import bodies_of_stature
+        from physic_core.pipeline.known_people import bodies_of_stature, resize_children
 
-        return bodies_of_stature(bodies, self.model, statures)
+        if known.stature is not None:
+            bodies = bodies_of_stature(bodies, self.model, known.stature)
+        bodies, notes = resize_children(bodies, self.model, known)
+        self.stages.note(*notes)
+        return bodies
 
     def _bodies_without_hands(self, request: BodyEstimatorRequest) -> Bodies:
         """Estimate bodies of the configured body model; NaN for people without finite results."""
@@ -390,16 +359,6 @@ class _BackendCalls:
             return bodies
         hands, self.missing["hand_estimator"] = discard_invalid_hands(found)
         return replace_hands(bodies, hands, self.model)
-
-    def resized_children(self, bodies: Bodies, known: KnownPeople) -> Bodies:
-        """Give people of a known age under 16 years a child's size."""
-        if known.years is None:
-            return bodies
-        from physic_core.pipeline.known_people import resize_children
-
-        bodies, notes = resize_children(bodies, self.model, known)
-        self.stages.note(*notes)
-        return bodies
 
     def contact(self, image: UInt8Array, people: People, bodies: Bodies, embodied: BoolArray) -> ContactProbability:
         """Predict contact probabilities of all N people; 0 without a backend or a body.
@@ -445,10 +404,6 @@ class _BackendCalls:
         assert hints.scene is not None
         assert hints.scale is not None
         return scaled_depth(hints.scene, hints.scale, hints.intrinsics)
-
-    def missing_per_person(self, people: int) -> tuple[tuple[str, ...], ...]:
-        """Return for each person the interfaces without valid values for them."""
-        return tuple(tuple(name for name, who in self.missing.items() if who[i]) for i in range(people))
 
 
 def _nobody(image: UInt8Array, segmenter: str) -> NoPersonError:
