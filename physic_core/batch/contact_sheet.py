@@ -38,13 +38,12 @@ def check_contact_sheet(out: Path) -> None:
     check_own(out / _FILE, mark=_MARK)
 
 
-def write_contact_sheet(out: Path, results: Sequence[Path] = (), limit: int = _MAX_PHOTOS) -> Path:
+def write_contact_sheet(out: Path, results: Sequence[Path] = ()) -> Path:
     """Write the contact sheet of a folder of results and return its path.
 
     Args:
         out: folder of a batch, whose journal lists the photos, or any folder of results.
         results: their folders, for a folder without a journal.
-        limit: most photos of the page.
 
     Raises:
         OutputError: the file cannot be written, or is not a contact sheet.
@@ -52,13 +51,13 @@ def write_contact_sheet(out: Path, results: Sequence[Path] = (), limit: int = _M
     check_contact_sheet(out)
     if any(out.glob("journal*.jsonl")):
         rows = last_rows(out)
-        shown = list(islice(rows, limit))
+        shown = list(islice(rows, _MAX_PHOTOS))
         hidden = sum(1 for _ in rows)
         above = _common_folder([str(row.get("path", "")) for row in shown])
         cards = [_photo_card(out, row, above) for row in shown]
     else:
-        cards = [_result_card(check_writable(out), result) for result in results[:limit]]
-        hidden = max(0, len(results) - limit)
+        cards = [_result_card(check_writable(out), result) for result in results[:_MAX_PHOTOS]]
+        hidden = max(0, len(results) - _MAX_PHOTOS)
     page = contact_sheet(cards, hidden)
     with atomic_write(out) as temporary:
         temporary(_FILE).write_text(page, encoding="utf-8")

@@ -216,33 +216,24 @@ def check_tables(out: Path) -> None:
     check_own(out / PEOPLE_TABLE, mark=_PEOPLE_MARK)
 
 
-def write_table(out: Path) -> Path:
-    """Write ``summary.csv``, one row for each photo, and return its path.
+def write_tables(out: Path) -> list[Path]:
+    """Write ``summary.csv``, one row for each photo, and ``people.csv``, one for each person; return their paths.
 
-    Numbers of results are empty for failed photos. Texts are those of :func:`physic_core.files.text.write_csv`.
+    Numbers of results are empty for failed photos. People are in the order of the photos' rows. Texts are those of
+    :func:`physic_core.files.text.write_csv`.
 
     Raises:
-        OutputError: the file cannot be written, or no batch has written the one there.
+        OutputError: a file cannot be written, or no batch has written the one there.
     """
-    check_own(out / _TABLE, mark=_MARK)
+    check_tables(out)
     numbers = {name for row in last_rows(out) for name in row} - COLUMNS.keys() - {PEOPLE_COLUMN}
-    with atomic_write(out) as temporary, temporary(_TABLE).open("w", newline="", encoding="utf-8") as file:
-        write_csv(file, _in_order(numbers), last_rows(out))
-    return out / _TABLE
-
-
-def write_people_table(out: Path) -> Path:
-    """Write ``people.csv``, one row for each person, in the order of the photos' rows, and return its path.
-
-    Raises:
-        OutputError: the file cannot be written, or PhySIC has not written the one there.
-    """
-    check_own(out / PEOPLE_TABLE, mark=_PEOPLE_MARK)
     people = (
         {"id": row["id"], "path": row.get("path", ""), **one}
         for row in last_rows(out)
         for one in row.get(PEOPLE_COLUMN) or ()
     )
-    with atomic_write(out) as temporary, temporary(PEOPLE_TABLE).open("w", newline="", encoding="utf-8") as file:
-        write_csv(file, list(_PEOPLE_COLUMNS), people)
-    return out / PEOPLE_TABLE
+    tables = ((_TABLE, _in_order(numbers), last_rows(out)), (PEOPLE_TABLE, _PEOPLE_COLUMNS, people))
+    for name, columns, rows in tables:
+        with atomic_write(out) as temporary, temporary(name).open("w", newline="", encoding="utf-8") as file:
+            write_csv(file, columns, rows)
+    return [out / name for name, _, _ in tables]

@@ -59,7 +59,7 @@ def batch(
     Run the same command again to resume. A photo that fails becomes a row of the journal with the reason.
     """
     from physic_core.batch.contact_sheet import check_contact_sheet, write_contact_sheet
-    from physic_core.batch.journal import check_tables, write_people_table, write_table
+    from physic_core.batch.journal import check_tables, write_tables
     from physic_core.batch.photos import Shard, list_photos
     from physic_core.batch.run import plan_batch, run_batch
 
@@ -88,7 +88,7 @@ def batch(
             echo(item.path)
         return
     run_batch(todo, job, run, Path(job.out) / name, _row_printer(len(todo)))
-    written = [write_table(Path(job.out)), write_people_table(Path(job.out))]
+    written = write_tables(Path(job.out))
     if job.thumbnails:
         written.append(write_contact_sheet(Path(job.out)))
     echo(_summary(Path(job.out), items))

@@ -13,7 +13,7 @@ from click.testing import CliRunner, Result
 from fuzzing.tiny_result import tiny_result
 from physic_core import load_reconstruction
 from physic_core.batch.contact_sheet import write_thumbnail
-from physic_core.batch.journal import check_tables, read_journals, write_table
+from physic_core.batch.journal import check_tables, read_journals, write_tables
 from physic_core.batch.photos import list_photos, photo_folder
 from physic_core.batch.process import BatchJob, PhotoProcessor
 from physic_core.batch.run import plan_batch, run_batch
@@ -110,13 +110,13 @@ def test_an_edited_file_of_a_result_is_kept(
 
 
 def test_a_table_is_known_by_its_first_line(tmp_path: Path):
-    write_table(tmp_path)
+    write_tables(tmp_path)
     check_tables(tmp_path)
     (tmp_path / "summary.csv").write_text("path,note\n")
     with pytest.raises(OutputError):
         check_tables(tmp_path)
     with pytest.raises(OutputError):
-        write_table(tmp_path)
+        write_tables(tmp_path)
 
 
 def test_a_thumbnail_of_the_user_stays(tmp_path: Path):

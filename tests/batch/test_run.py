@@ -23,7 +23,7 @@ import pytest
 from fuzzing.tiny_result import tiny_result
 from physic_core import load_reconstruction
 from physic_core.batch.contact_sheet import write_contact_sheet
-from physic_core.batch.journal import COLUMNS, Journal, last_rows, read_journals, write_table
+from physic_core.batch.journal import COLUMNS, Journal, last_rows, read_journals, write_tables
 from physic_core.batch.photos import list_photos
 from physic_core.batch.process import BatchJob, PhotoProcessor, base_row
 from physic_core.batch.run import plan_batch, run_batch
@@ -118,7 +118,7 @@ def test_names_that_are_not_utf8_reach_every_file(standin: ModuleType, tmp_path:
         "новый 😀 <b>&": ("done", ""),
         "broken \udcfe": ("failed", "ValueError"),
     }
-    text = write_table(out).read_text(encoding="utf-8")
+    text = write_tables(out)[0].read_text(encoding="utf-8")
     assert "a \\udcff.jpg" in text
     page = write_contact_sheet(out).read_text(encoding="utf-8")
     assert "a \\udcff.jpg" in page

@@ -14,7 +14,7 @@ import pytest
 
 from physic_core import Reconstruction
 from physic_core.batch.contact_sheet import write_contact_sheet
-from physic_core.batch.journal import Journal, all_columns, write_people_table, write_table
+from physic_core.batch.journal import Journal, all_columns, write_tables
 from physic_core.batch.photos import PhotoItem, photo_folder
 from physic_core.batch.process import BatchJob, PhotoProcessor, failed_row
 from physic_core.configuration.model import load_config
@@ -62,7 +62,7 @@ def test_columns_are_photo_grade_sizes_costs_files_and_checks_in_one_order(tmp_p
     row = dict.fromkeys(reversed(all_columns()), "") | {"id": "one", "state": "done", "people_rows": []}
     with Journal(tmp_path / "journal.jsonl") as journal:
         journal.append(row)
-    header = write_table(tmp_path).read_text().splitlines()[0].split(",")
+    header = write_tables(tmp_path)[0].read_text().splitlines()[0].split(",")
     assert header == list(all_columns())
     assert header[:7] == ["id", "path", "state", "grade", "checks_failed", "error", "message"]
     places = ["people", "nearest_person_m", "scale_sigma", "contacts", "seconds", "folder", "check_bend"]
@@ -71,7 +71,7 @@ def test_columns_are_photo_grade_sizes_costs_files_and_checks_in_one_order(tmp_p
 
 
 def people_of(out: Path) -> list[tuple[str, str, str]]:
-    with write_people_table(out).open(newline="", encoding="utf-8") as file:
+    with write_tables(out)[1].open(newline="", encoding="utf-8") as file:
         return [(row["id"], row["path"], row["person"]) for row in csv.DictReader(file)]
 
 
@@ -84,7 +84,7 @@ def test_each_person_has_a_row_in_the_order_of_the_photos(batch: Path, result: R
         for name in ("one", "=3"):
             journal.append(process(PhotoItem(name, f"/photos/{name}.jpg")))
     assert people_of(batch) == [*expected[2:], expected[0], ("'=3", "/photos/=3.jpg", "0")]
-    with write_table(batch).open(newline="") as file:
+    with write_tables(batch)[0].open(newline="") as file:
         assert not {"people_rows"} & set(next(csv.reader(file)))
 
 
@@ -94,7 +94,7 @@ def test_no_text_of_the_csv_table_is_a_formula(tmp_path: Path):
     with Journal(tmp_path / "journal.jsonl") as journal:
         for name in ids:
             journal.append(failed_row(job, PhotoItem(name, f"/photos/{name}"), "InputError", "=1+1", 0.0))
-    with write_table(tmp_path).open(newline="", encoding="utf-8") as file:
+    with write_tables(tmp_path)[0].open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert not [
         text
