@@ -8,7 +8,6 @@ vertices too.
 
 from __future__ import annotations
 
-import io
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -455,10 +454,6 @@ def _power_of_two(image: UInt8Array) -> tuple[bytes, tuple[int, int]]:
 
     Old engines cannot make mipmaps of other sizes.
     """
-    from PIL import Image
-
     height, width = (1 << (side - 1).bit_length() for side in image.shape[:2])
     padded = np.pad(image, ((0, height - image.shape[0]), (0, width - image.shape[1]), (0, 0)), mode="edge")
-    buffer = io.BytesIO()
-    Image.fromarray(padded).save(buffer, "JPEG", quality=90)
-    return buffer.getvalue(), (width, height)
+    return encode_image(padded, "JPEG"), (width, height)

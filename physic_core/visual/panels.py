@@ -22,6 +22,7 @@ from physic_core.visual.render import (
     RenderedLayer,
     View,
     blend_over,
+    picture_bytes,
     render_mesh,
     render_points,
     shade,
@@ -93,7 +94,7 @@ def bodies_over(photo: UInt8Array, view: View, geometry: PreviewGeometry) -> UIn
     step = cv2.dilate(plain, near) - cv2.erode(plain, near, borderType=cv2.BORDER_REPLICATE)
     outline = (layer.alpha == 1) & (step > _STEP).any(-1)
     picture[outline] = plain[outline]
-    return _bytes(picture)
+    return picture_bytes(picture)
 
 
 def depth_range(reconstruction: Reconstruction) -> tuple[float, float]:
@@ -146,7 +147,7 @@ def render_contact_views(reconstruction: Reconstruction, index: int, width: int,
     vertices, joints = transform_points(matrix, person.vertices), transform_points(matrix, person.joints)
     picture = np.tile((np.array(PAGE_RGB) / 255).astype(np.float32), (height, width, 1))
     if not np.isfinite(vertices).all():
-        return _bytes(picture)
+        return picture_bytes(picture)
     edges = np.linspace(0, width, len(CONTACT_VIEWS) + 1).astype(int)
     boxes, fits = [], []
     for (right, top), room in zip(_view_axes(joints), np.diff(edges), strict=True):
@@ -173,7 +174,7 @@ def render_contact_views(reconstruction: Reconstruction, index: int, width: int,
         layer = render_points(view, middles[front], shade(normals[front], view.axes, colors[front]), _SPOT_PX // 2)
         color, alpha = (cv2.resize(one, size, interpolation=cv2.INTER_AREA) for one in (layer.color, layer.alpha))
         picture[:, left:end] = blend_over(RenderedLayer(color, alpha, alpha), picture[:, left:end])
-    return _bytes(picture)
+    return picture_bytes(picture)
 
 
 def _normals(corners: Array) -> tuple[Array, Array]:
@@ -201,10 +202,6 @@ def _view_axes(joints: Array) -> list[tuple[Array, Array]]:
 def _unit(vector: Array, otherwise: Array) -> Array:
     length = float(np.linalg.norm(vector))
     return vector / length if length > 1e-6 else otherwise
-
-
-def _bytes(picture: NDArray[Any]) -> UInt8Array:
-    return np.asarray(np.clip(picture, 0.0, 1.0) * 255 + 0.5, np.uint8)
 
 
 @cache

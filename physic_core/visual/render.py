@@ -177,9 +177,16 @@ def render_mesh(shapes: RayCastMesh, viewer: View, colors: Array) -> RenderedLay
     return RenderedLayer(color[..., :-1], color[..., -1], distance)
 
 
-def blend_over(layer: RenderedLayer, picture: NDArray[np.float32], opacity: float = 1.0) -> NDArray[np.float32]:
-    """Composite a rendered layer over an opaque image (H, W, 3) in 0-1."""
+def blend_over(
+    layer: RenderedLayer, picture: NDArray[np.float32], opacity: float | NDArray[np.float32] = 1.0
+) -> NDArray[np.float32]:
+    """Composite a rendered layer over an opaque image (H, W, 3) in 0-1, with one opacity or one per pixel (H, W, 1)."""
     return layer.color * opacity + picture * (1.0 - opacity * layer.alpha[..., None])
+
+
+def picture_bytes(picture: NDArray[np.floating[Any]]) -> NDArray[np.uint8]:
+    """Return an image in 0-1 as bytes; what is beyond is clipped."""
+    return np.asarray(np.clip(picture, 0.0, 1.0) * 255 + 0.5, np.uint8)
 
 
 def render_points(viewer: View, points: AnyFloat, colors: AnyFloat, radius: int = 1) -> RenderedLayer:

@@ -15,6 +15,8 @@ from physic_core.visual.palette import person_color
 from physic_core.visual.render import (
     RayCastMesh,
     View,
+    blend_over,
+    picture_bytes,
     render_mesh,
     render_points,
 )
@@ -288,10 +290,10 @@ def _draw(geometry: PreviewGeometry, view: View, full_colour_m: float, radius: i
     """Draw people, and points of the scene, which are faint beyond a distance in metres, as squares around a pixel."""
     paper = (np.array(BACKGROUND_RGB) / 255).astype(np.float32)
     scene = render_points(view, geometry.points, geometry.point_colors, radius)
-    veil = np.where(scene.distance > full_colour_m, _FAINT * scene.alpha, scene.alpha)[..., None]
+    veil = np.where(scene.distance > full_colour_m, _FAINT * scene.alpha, scene.alpha).astype(np.float32)[..., None]
     picture = veil * scene.color + (1 - veil) * paper
     if geometry.people is not None:
         people = render_mesh(geometry.people, view, geometry.dress)
         veil = np.where(scene.distance < people.distance - _THICK, _OCCLUDED_OPACITY, 1.0).astype(np.float32)[..., None]
-        picture[...] = people.color * veil + picture * (1.0 - people.alpha[..., None] * veil)
-    return (np.clip(picture, 0.0, 1.0) * 255 + 0.5).astype(np.uint8)
+        picture = blend_over(people, picture, veil)
+    return picture_bytes(picture)

@@ -68,7 +68,7 @@ class TexturedBodies:
         nearest = np.take_along_axis(
             np.asarray(result.faces)[self.raster.faces], self.raster.corners.argmax(1)[:, None], 1
         )[:, 0]
-        image: UInt8Array = self.raster.image(contact_colors(person, result.contact_partners, BODY_RGB)[nearest])
+        image: UInt8Array = self.raster.image(contact_colors(person, result.contact_partners)[nearest])
         return image
 
 
