@@ -37,6 +37,7 @@ def weights() -> None:
 @click.option("--missing", is_flag=True, help="Only sets that are missing, incomplete or of unexpected size.")
 def list_weights(missing: bool) -> None:
     """List all weight sets: plugin, size, licence, and whether they are on this machine."""
+    from physic_core.weights.find import format_size
     from physic_core.weights.library import read_library
 
     library = read_library()
@@ -47,7 +48,7 @@ def list_weights(missing: bool) -> None:
         account = "needed" if found.needs_account else "-"
         rows.append(
             (
-                *(found.name, one.offer.distribution, _size(found.bytes), _USE[found.commercial], account),
+                *(found.name, one.offer.distribution, format_size(found.bytes) or "-", _USE[found.commercial], account),
                 *(_state(one), found.license),
             )
         )
@@ -97,12 +98,6 @@ def _state(one: ListedWeights) -> str:
         return "in part"
     sizes = [file.bytes in (None, here[file.path].stat().st_size) for file in one.weights.files]
     return "here" if all(sizes) else "here, DIFFERS"
-
-
-def _size(size: int | None) -> str:
-    from physic_core.weights.find import format_size
-
-    return format_size(size) or "-"
 
 
 @click.group()

@@ -38,7 +38,7 @@ def report_html(reconstruction: Reconstruction | InputError, title: str = "") ->
     """
     from threadpoolctl import threadpool_limits
 
-    found = _find()
+    found = require_report()
     with threadpool_limits(limits=1, user_api="blas"):
         page = call_item(found, "page", reconstruction, title or "Reconstruction")
     head = str(page)[:HEAD_BYTES].encode("utf-8", "replace")[:HEAD_BYTES]
@@ -50,17 +50,13 @@ def report_html(reconstruction: Reconstruction | InputError, title: str = "") ->
     return page
 
 
-def require_report() -> None:
-    """Check that an installed plugin makes pages, without importing it.
+def require_report() -> Found[PluginItem]:
+    """Return the installed plugin that makes pages, without importing it.
 
     Raises:
         PackageMissingError: no plugin does.
         ConfigError: several do.
     """
-    _find()
-
-
-def _find() -> Found[PluginItem]:
     found = find_items("physic_pages")
     if not found:
         raise PackageMissingError(f"report.html is made by {explain_absence(_DISTRIBUTION)}")

@@ -57,7 +57,9 @@ def export_reconstruction(
     exporter, folder, stem, suffix = _target(Path(path), format)
     kind = exporter.record
     people, notes = _people(result, person, kind)
-    frame = export_frame(result.scene.floor, _up_axis(kind, up))
+    if up is not None and up not in kind.ups:
+        raise InputError(f"{kind.name} is written with --up {' or '.join(kind.ups)}, not '{up}'")
+    frame = export_frame(result.scene.floor, up or kind.ups[0])
     file = None if body_model is None else Path(os.path.expanduser(body_model))
     request = ExportRequest(result, people, frame, stem, suffix, scene, file, _options(kind, options))
     names = {request.file_of(person) for person in people} if kind.per_person else {f"{stem}{suffix}"}
@@ -78,7 +80,12 @@ def _target(path: Path, format: str | None) -> tuple[Found[ExporterRecord], Path
     kind = exporter.record
     if is_folder:
         return exporter, path, kind.stem or kind.name, kind.suffixes[0]
-    return exporter, *_split(path, kind)
+    if path.suffix.lower() not in kind.suffixes:
+        raise InputError(
+            f"{path} does not end in {' or '.join(kind.suffixes)}, as a file of the format {kind.name} must: "
+            "name another file"
+        )
+    return exporter, path.parent, path.stem, path.suffix.lower()
 
 
 def _call(exporter: Found[ExporterRecord], request: ExportRequest) -> ExportedFiles:
@@ -94,20 +101,6 @@ def _call(exporter: Found[ExporterRecord], request: ExportRequest) -> ExportedFi
             f"{exporter.title('exporter')} should return physic_core.ExportedFiles, got {type(made).__name__}"
         )
     return made
-
-
-def _split(path: Path, kind: ExporterRecord) -> tuple[Path, str, str]:
-    """Return folder, stem and suffix of the file.
-
-    Raises:
-        InputError: the suffix belongs to another format.
-    """
-    if path.suffix.lower() not in kind.suffixes:
-        raise InputError(
-            f"{path} does not end in {' or '.join(kind.suffixes)}, as a file of the format {kind.name} must: "
-            "name another file"
-        )
-    return path.parent, path.stem, path.suffix.lower()
 
 
 def _people(
@@ -136,12 +129,6 @@ def _people(
         raise InputError(f"cannot export to {kind.name}, which holds people: {why}")
     left = sorted(bodiless.intersection(wanted))
     return kept, tuple(f"person {index} has no body and is skipped" for index in left)
-
-
-def _up_axis(kind: ExporterRecord, up: str | None) -> str:
-    if up is not None and up not in kind.ups:
-        raise InputError(f"{kind.name} is written with --up {' or '.join(kind.ups)}, not '{up}'")
-    return up or kind.ups[0]
 
 
 def _options(kind: ExporterRecord, given: Mapping[str, str | bool]) -> dict[str, str | bool]:

@@ -286,11 +286,6 @@ def _light(result: Reconstruction) -> Array:
 
 def _size(result: Reconstruction, index: int) -> int:
     """Return the size of the texture of a person."""
-    tallest = _height(result.people[index].mask)
+    rows = np.flatnonzero(result.people[index].mask.any(1))
+    tallest = np.ptp(rows) + 1 if len(rows) else 0
     return next((size for size in SIZES if size >= tallest), SIZES[-1])
-
-
-def _height(mask: NDArray[np.bool_]) -> int:
-    """Return the number of rows of a mask (H, W) between its first and its last."""
-    rows = np.flatnonzero(mask.any(1))
-    return int(np.ptp(rows)) + 1 if len(rows) else 0
