@@ -119,9 +119,8 @@ def setup_steps(config: Config, preset: str, folder: Path, missing: tuple[str, .
     repositories = _unique(plan, Repository)
     files = _unique(plan, UserFile)
     absent = {file for _, file in files if not file.is_here}
-    sizes = [
-        (weights.name, file.bytes) for weights in sets for file in weights.files if not _is_here(weights, file.path)
-    ]
+    lacking = [(weights, file) for weights in sets for file in weights.files if file.path not in locate_files(weights)]
+    sizes = [(weights.name, file.bytes) for weights, file in lacking]
     sizes += [(file.name, file.bytes) for file in absent]
     accounts = [weights.homepage for weights in sets if weights.needs_account and not _is_complete(weights)]
     accounts += [file.account for file in absent if file.account]
@@ -236,10 +235,6 @@ def _torchvision(install: str) -> tuple[str, ...]:
     if not build:
         return (f"{install} torch=={number} torchvision",)
     return (f"{install} uv", f"python -m uv pip install --torch-backend {build} torch=={number} torchvision")
-
-
-def _is_here(weights: WeightSet, path: str) -> bool:
-    return path in locate_files(weights)
 
 
 def _is_complete(weights: WeightSet) -> bool:

@@ -1,1 +1,0 @@
-"""The commands ``physic setup``, ``weights fetch``, ``config init`` and ``config schema``."""
