@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -73,39 +72,29 @@ def bench() -> None:
 )
 @click.option("--cache", type=click.Path(path_type=Path), help="Keeps evidence.  [default: user's cache folder]")
 @click.option("--no-cache", is_flag=True, help="Keep no evidence between runs.")
-def accuracy(**options: Any) -> None:
+def accuracy(
+    worlds: int,
+    seed: int,
+    preset: str,
+    size: tuple[int, int],
+    noise_seed: int,
+    other_bodies: bool,
+    actions: str,
+    rows: str,
+    overrides: tuple[str, ...],
+    jobs: int,
+    out: Path,
+    cache: Path | None,
+    no_cache: bool,
+) -> None:
     """Print the ablation table on synthetic worlds with ground truth; write the tables and all values to --out.
 
     Ctrl-C ends the run and writes the results of the completed worlds; the same command continues the run.
     """
-    _measure_accuracy(_AccuracyOptions(**options))
-
-
-@dataclass(frozen=True)
-class _AccuracyOptions:
-    """Options of ``physic bench accuracy``, named as on the command line."""
-
-    worlds: int
-    seed: int
-    preset: str
-    size: tuple[int, int]
-    noise_seed: int
-    other_bodies: bool
-    actions: str
-    rows: str
-    overrides: tuple[str, ...]
-    jobs: int
-    out: Path
-    cache: Path | None
-    no_cache: bool
-
-
-def _measure_accuracy(options: _AccuracyOptions) -> None:
-    """Check the options, run the benchmark and write its results."""
-    if options.no_cache and options.cache is not None:
+    if no_cache and cache is not None:
         raise click.UsageError("--cache and --no-cache exclude each other: give one of them")
-    trial, others = _split(options.overrides)
-    config, noisy = _configs(options, trial, others)
+    trial, others = _split(overrides)
+    config, noisy = _configs(preset, noise_seed, trial, others)
 
     from physic_bench.tables import check_results
     from physic_core.cache.folders import cache_folder
@@ -114,24 +103,24 @@ def _measure_accuracy(options: _AccuracyOptions) -> None:
 
     resolve(config)
     require_available(resolve(noisy))
-    check_results(check_writable(options.out))
+    check_results(check_writable(out))
 
     from physic_bench.worlds.ablation import FULL, TRIAL, TableRow, select_rows
     from physic_bench.worlds.run_worlds import BenchmarkJob
     from physic_bench.worlds.world_evidence import benchmark_cases, with_other_bodies
 
-    keys = [key.strip() for key in options.rows.split(",") if key.strip()]
-    chosen = select_rows(options.preset, keys or ([FULL] if trial else []))
+    keys = [key.strip() for key in rows.split(",") if key.strip()]
+    chosen = select_rows(preset, keys or ([FULL] if trial else []))
     if trial:
         label = "full, " + ", ".join(text.partition(".")[2] for text in trial)
         chosen = (*chosen, TableRow(TRIAL, label, config.engine.settings()))
-    work = BenchmarkJob(noisy, chosen, None if options.no_cache else (options.cache or cache_folder("bench")))
-    cases = benchmark_cases(options.worlds, options.seed, options.size, options.actions)
-    cases = with_other_bodies(cases) if options.other_bodies else cases
-    drawn = ("worlds", "seed", "preset", "size", "noise_seed", "other_bodies", "actions")
-    settings = {name: getattr(options, name) for name in drawn}
-    settings |= {"set": list(options.overrides), "config": noisy.as_dict()}
-    _run(cases, work, options.jobs, options.out, settings)
+    work = BenchmarkJob(noisy, chosen, None if no_cache else (cache or cache_folder("bench")))
+    cases = benchmark_cases(worlds, seed, size, actions)
+    cases = with_other_bodies(cases) if other_bodies else cases
+    settings: dict[str, Any] = {"worlds": worlds, "seed": seed, "preset": preset, "size": size}
+    settings |= {"noise_seed": noise_seed, "other_bodies": other_bodies, "actions": actions}
+    settings |= {"set": list(overrides), "config": noisy.as_dict()}
+    _run(cases, work, jobs, out, settings)
 
 
 def _split(overrides: tuple[str, ...]) -> tuple[list[str], list[str]]:
@@ -143,7 +132,7 @@ def _split(overrides: tuple[str, ...]) -> tuple[list[str], list[str]]:
     return [t for t in full if t.startswith("engine.")], [t for t in full if not t.startswith("engine.")]
 
 
-def _configs(options: _AccuracyOptions, trial: list[str], others: list[str]) -> tuple[Config, Config]:
+def _configs(preset: str, noise_seed: int, trial: list[str], others: list[str]) -> tuple[Config, Config]:
     """Return the trial's config, and the config of the estimators, which all rows share.
 
     Backends of other plugins have a noise seed, and errors of their own.
@@ -154,10 +143,10 @@ def _configs(options: _AccuracyOptions, trial: list[str], others: list[str]) -> 
     usual, chosen = load_config(preset="mock"), load_config(preset="mock", overrides=others)
     noise: dict[str, dict[str, dict[str, int]]] = {}
     for name in INTERFACES:
-        noise[name] = {"options": {"noise_seed": options.noise_seed}}
+        noise[name] = {"options": {"noise_seed": noise_seed}}
         if chosen.choice(name).backend == usual.choice(name).backend:
             noise[name]["options"]["noise"] = 1
-    engine = {"engine": {"preset": options.preset}}
+    engine = {"engine": {"preset": preset}}
     return (
         load_config(
             preset="mock",
