@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_bench.contract import Surface
 from physic_core.errors import InputError, PhysicError
 
 if TYPE_CHECKING:
@@ -118,6 +120,17 @@ def read_mesh(path: Path) -> Any:
         mesh = mesh.to_mesh() if isinstance(mesh, trimesh.Scene) else mesh
         numbers(mesh.vertices, (-1, 3), "vertices")
     return mesh
+
+
+@lru_cache(maxsize=3)
+def read_surface(path: Path) -> Surface:
+    """Return the mesh of a scan, which is kept for the next frames.
+
+    Raises:
+        DamagedFrameError: it cannot be read, or has no vertices.
+    """
+    mesh = read_mesh(path)
+    return Surface(np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces))
 
 
 @contextmanager

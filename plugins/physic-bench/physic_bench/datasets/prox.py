@@ -27,7 +27,7 @@ import numpy as np
 
 from physic_bench.bodies import SMPLX_JOINTS
 from physic_bench.cameras import Camera, box_of_points, project
-from physic_bench.contract import BenchPerson, Frame, Picture, Surface, Truth
+from physic_bench.contract import BenchPerson, Frame, Picture, Truth
 from physic_bench.datasets.base import DataSet, FrameSet, evenly
 from physic_bench.reading import (
     DamagedFrameError,
@@ -37,6 +37,7 @@ from physic_bench.reading import (
     read_json,
     read_mesh,
     read_pickled,
+    read_surface,
     reading,
     rotation,
 )
@@ -150,13 +151,7 @@ def _truth(root: Path, name: str, kind: str, bodies: BodyFiles) -> Truth:
         joints = _to_camera(root, body.joints, kind)
     names = () if joints is None else SMPLX_JOINTS
     person = BenchPerson("0", joints, names, "posed SMPL-X", _to_camera(root, vertices, kind), "smplx")
-    return Truth((person,), scene=_scan(root / "scenes" / "vicon.ply"))
-
-
-@lru_cache(maxsize=2)
-def _scan(file: Path) -> Surface:
-    mesh = read_mesh(file)
-    return Surface(np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces))
+    return Truth((person,), scene=read_surface(root / "scenes" / "vicon.ply"))
 
 
 def _fitting(root: Path, name: str, path: str) -> Path:

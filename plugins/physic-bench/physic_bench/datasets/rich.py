@@ -18,7 +18,7 @@ is carried over, which needs --smpl. Cameras without calibration are skipped.
 from __future__ import annotations
 
 import math
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
@@ -28,7 +28,7 @@ import numpy as np
 
 from physic_bench.bodies import SMPLX_JOINTS
 from physic_bench.cameras import Camera
-from physic_bench.contract import TOPOLOGY_OF_COUNT, BenchPerson, Frame, Picture, Surface, Truth
+from physic_bench.contract import TOPOLOGY_OF_COUNT, BenchPerson, Frame, Picture, Truth
 from physic_bench.datasets.base import DataSet, FrameSet
 from physic_bench.reading import (
     DamagedFrameError,
@@ -38,6 +38,7 @@ from physic_bench.reading import (
     read_json,
     read_mesh,
     read_pickled,
+    read_surface,
     reading,
     rotation,
 )
@@ -107,7 +108,8 @@ def _truth(root: Path, sequence: str, moment: str, camera: Camera, split: str, b
         joints, vertices = camera.in_camera(body.joints), camera.in_camera(body.vertices)
         mesh = TOPOLOGY_OF_COUNT[len(contact)]
         people.append(BenchPerson(file.stem, joints, SMPLX_JOINTS, "posed SMPL-X", vertices, "smplx", contact, mesh))
-    return Truth(tuple(people), scene=_scan(_scene(root, sequence) / "scan_camcoord.ply"))
+    scan = _scene(root, sequence) / "scan_camcoord.ply"
+    return Truth(tuple(people), scene=read_surface(scan) if scan.is_file() else None)
 
 
 def _contact(file: Path) -> NDArray[np.bool_]:
@@ -121,14 +123,6 @@ def _contact(file: Path) -> NDArray[np.bool_]:
         found: NDArray[np.bool_] = (np.asarray(mesh.visual.vertex_colors) == GREEN).all(1)
         numbers(found, (10475,), "vertex colours")
     return found
-
-
-@lru_cache(maxsize=3)
-def _scan(file: Path) -> Surface | None:
-    if not file.is_file():
-        return None
-    mesh = read_mesh(file)
-    return Surface(np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces))
 
 
 def _camera(file: Path, picture: Path | None) -> Camera:
