@@ -50,23 +50,14 @@ _UNREAL = {
     "elbow": "lowerarm",
     "wrist": "hand",
 }
-_UNITY = {
-    "pelvis": "Hips",
-    "spine1": "Spine",
+_UNITY = _MIXAMO | {
     "spine2": "Chest",
     "spine3": "UpperChest",
-    "neck": "Neck",
-    "head": "Head",
-    "jaw": "Jaw",
     "hip": "UpperLeg",
     "knee": "LowerLeg",
-    "ankle": "Foot",
     "foot": "Toes",
-    "collar": "Shoulder",
     "shoulder": "UpperArm",
     "elbow": "LowerArm",
-    "wrist": "Hand",
-    "eye": "Eye",
 }
 _SHORTEST_M = 0.01
 _SEGMENTS = {"1": "Proximal", "2": "Intermediate", "3": "Distal"}
