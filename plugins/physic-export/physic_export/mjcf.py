@@ -40,7 +40,6 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel
     from physic_core.types import Person
-    from physic_export.humanoid import Hinge
 
 RGBA = "0.77 0.75 0.73 1"
 FRICTION = "0.8 0.005 0.0001"
@@ -67,13 +66,14 @@ def numbers(values: Iterable[float], digits: int = 6) -> str:
     return " ".join(f"{value:.{digits}f}" for value in values)
 
 
+def xml_file(root: ElementTree.Element) -> bytes:
+    """Return the content of an XML file with an element and what is in it, indented."""
+    ElementTree.indent(root)
+    content: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+    return content
+
+
 _ARMATURE = 0.05  # kg m2, keeps the small bodies stable
-
-
-def add_defaults(root: ElementTree.Element) -> None:
-    """Add what all hinges have."""
-    defaults = ElementTree.SubElement(root, "default")
-    ElementTree.SubElement(defaults, "joint", armature=f"{_ARMATURE:g}")
 
 
 def add_humanoid(root: ElementTree.Element, name: str, segments: Sequence[Segment], geom: dict[str, str]) -> None:
@@ -101,11 +101,12 @@ def add_humanoid(root: ElementTree.Element, name: str, segments: Sequence[Segmen
         if segment.parent < 0:
             ElementTree.SubElement(body, "freejoint", name=f"{name}_root")
         for hinge in segment.hinges:
-            _add_hinge(body, f"{own}_{hinge.axis}", hinge)
+            shared = {"name": f"{own}_{hinge.axis}", "axis": numbers(hinge.posed, 8), "ref": f"{hinge.angle:.6f}"}
+            ElementTree.SubElement(body, "joint", shared | {"range": numbers((hinge.low, hinge.high))})
             _add_actuator(actuators, f"{own}_{hinge.axis}", max_torque(segment.name, mass))
         add_mesh(asset, f"{own}_skin", *segment.skin)
-        skin = {"contype": "0", "conaffinity": "0", "group": "2", "mass": "0", "rgba": RGBA}
-        ElementTree.SubElement(body, "geom", {"name": f"{own}_skin", "type": "mesh", "mesh": f"{own}_skin"} | skin)
+        skin = {"name": f"{own}_skin", "type": "mesh", "mesh": f"{own}_skin"}
+        ElementTree.SubElement(body, "geom", skin | _DRAWN | {"mass": "0", "rgba": RGBA})
         _add_shapes(asset, body, own, segment, geom)
 
 
@@ -122,12 +123,6 @@ def add_photo_key(root: ElementTree.Element) -> None:
     controls = [angles[one.attrib["joint"]] for one in root.iter("position")]
     key = ElementTree.SubElement(root, "keyframe")
     ElementTree.SubElement(key, "key", name="photo", qpos=" ".join(places), ctrl=" ".join(controls))
-
-
-def _add_hinge(body: ElementTree.Element, name: str, hinge: Hinge) -> None:
-    shared = {"name": name, "axis": numbers(hinge.posed, 8), "ref": f"{hinge.angle:.6f}"}
-    shared["range"] = numbers((hinge.low, hinge.high))
-    ElementTree.SubElement(body, "joint", shared)
 
 
 def _add_actuator(actuators: ElementTree.Element, joint: str, torque: float) -> None:
@@ -193,9 +188,7 @@ def export_mjcf(request: ExportRequest) -> ExportedFiles:
     picture = _add_scene(root, request)
     if jointed:
         add_photo_key(root)
-    ElementTree.indent(root)
-    text: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
-    files = {f"{request.stem}{request.suffix}": text, **picture}
+    files = {f"{request.stem}{request.suffix}": xml_file(root), **picture}
     notes = tuple(person.note for person in jointed if person.note)
     if not request.scene:
         return ExportedFiles(files, notes)
@@ -225,7 +218,7 @@ def _mjcf_tree(request: ExportRequest, tiles: Sequence[Tile], jointed: Sequence[
     ElementTree.SubElement(visual, "headlight", ambient="0.4 0.4 0.4", diffuse="0.6 0.6 0.6", specular="0 0 0")
     ElementTree.SubElement(visual, "map", znear="0.01")
     if jointed:
-        add_defaults(root)
+        ElementTree.SubElement(ElementTree.SubElement(root, "default"), "joint", armature=f"{_ARMATURE:g}")
     asset, world = ElementTree.SubElement(root, "asset"), ElementTree.SubElement(root, "worldbody")
     if jointed:
         ElementTree.SubElement(root, "actuator")

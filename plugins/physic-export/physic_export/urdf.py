@@ -18,7 +18,7 @@ from physic_core.geometry.upright import transform_points
 from physic_export.balance import people_of
 from physic_export.humanoid import SOLE_RADIUS_M, body_segments, max_torque
 from physic_export.meshes import scene_mesh
-from physic_export.mjcf import numbers
+from physic_export.mjcf import numbers, xml_file
 from physic_export.tiles import convex_tiles
 
 if TYPE_CHECKING:
@@ -84,8 +84,7 @@ def export_urdf(request: ExportRequest) -> ExportedFiles:
         robot = _robot(stem, f"person_{person.index}", segments)
         files |= robot.meshes
         files[f"{stem}.json"] = (json.dumps(_pose(request, segments), indent=2) + "\n").encode()
-        ElementTree.indent(robot.root)
-        files[name] = ElementTree.tostring(robot.root, encoding="utf-8", xml_declaration=True)
+        files[name] = xml_file(robot.root)
     notes = [person.note for person in people if person.note]
     if request.scene:
         files |= _scene(request)
@@ -105,9 +104,7 @@ def _scene(request: ExportRequest) -> dict[str, bytes]:
     below = np.eye(4)
     below[2, 3] = -_GROUND_M[2] / 2
     _add_collision(link, below, "box", size=numbers(_GROUND_M, 0))
-    ElementTree.indent(robot.root)
-    content: bytes = ElementTree.tostring(robot.root, encoding="utf-8", xml_declaration=True)
-    return {**robot.meshes, f"{stem}.urdf": content}
+    return {**robot.meshes, f"{stem}.urdf": xml_file(robot.root)}
 
 
 def _root(name: str) -> ElementTree.Element:

@@ -149,7 +149,10 @@ def _add_person(stage: Any, mesh: ColoredMesh, skins: Skins, index: int, rig: Ri
 
     path, stem = f"/physic/{mesh.name}", skins.request.stem
     top = UsdSkel.Root.Define(stage, path) if rig is not None else UsdGeom.Xform.Define(stage, path)
-    made = _add_mesh(stage, f"{path}/mesh", mesh if rig is None else _bind_pose(mesh, rig))
+    drawn = mesh
+    if rig is not None:  # in the bind pose
+        drawn = replace(mesh, vertices=rig.vertices, normals=unit_normals(rig.vertices, mesh.faces))
+    made = _add_mesh(stage, f"{path}/mesh", drawn)
     made.CreateDoubleSidedAttr(False)
     primvars = UsdGeom.PrimvarsAPI(made)
     values = {"contact": mesh.contact.astype(np.float32)}
@@ -176,10 +179,6 @@ def _add_person(stage: Any, mesh: ColoredMesh, skins: Skins, index: int, rig: Ri
     collider = _add_mesh(stage, f"{path}/collider", mesh)
     collider.CreatePurposeAttr(UsdGeom.Tokens.guide)
     _collide(collider, UsdPhysics.Tokens.convexDecomposition)
-
-
-def _bind_pose(mesh: ColoredMesh, rig: Rig) -> ColoredMesh:
-    return replace(mesh, vertices=rig.vertices, normals=unit_normals(rig.vertices, mesh.faces))
 
 
 def _add_scene(stage: Any, request: ExportRequest) -> dict[str, bytes]:
