@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from physic_core.errors import InputError
-from physic_core.io.people_prompt import check_prompt, resize_prompt
+from physic_core.pipeline.prepared_photo import check_prompt, resize_prompt
 from physic_core.types import PeoplePrompt
 
 
