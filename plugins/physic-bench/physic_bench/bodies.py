@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_bench.reading import numbers, read_npz
-from physic_core.body.joints import JOINT_NAMES, ROTATION_FIELDS
+from physic_core.body.joints import ROTATION_FIELDS
 from physic_core.errors import InputError
 
 if TYPE_CHECKING:
@@ -121,10 +121,6 @@ class BodyFiles:
         """Return contact (V_source,) at the vertices of another mesh: a vertex touches if most of its triangle does."""
         carried = self.carry(contact.astype(np.float64)[:, None], source, target)
         return None if carried is None else carried[:, 0] >= 0.5
-
-
-SMPLX_JOINTS = tuple(JOINT_NAMES)
-"""Names of the joints of a posed body."""
 
 
 def _pose(parameters: Mapping[str, Any], name: str, size: int, path: Path) -> Array:

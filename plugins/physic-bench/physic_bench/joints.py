@@ -9,13 +9,13 @@ import numpy as np
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.posture import legs_in_line
+from physic_core.types.skeletons import SIDES
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
 
-SIDES = ("left", "right")
 LIMB_JOINTS = tuple(
     f"{side}_{name}" for name in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle") for side in SIDES
 )

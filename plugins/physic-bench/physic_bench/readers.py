@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_bench.bodies import SMPLX_JOINTS
 from physic_bench.contract import TOPOLOGY_OF_COUNT, BenchPerson, Prediction
 from physic_bench.joints import LIMB_JOINTS
 from physic_bench.reading import DamagedFrameError, numbers, read_npz, reading
+from physic_core.body.joints import JOINT_NAMES
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -72,7 +72,7 @@ def _person(person: Person, result: Reconstruction, size: tuple[int, int]) -> Be
     topology = "physic-embedded-1" if result.body_model == "embedded" else result.body_model
     return BenchPerson(
         joints=person.joints.astype(np.float64),
-        joint_names=SMPLX_JOINTS,
+        joint_names=JOINT_NAMES,
         vertices=person.vertices.astype(np.float64),
         topology=topology,
         contact=contact,

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     Record = dict[str, Any]
     Contacts = Mapping[str, tuple[Bools, str]]
 
-BODY_NAMES = tuple(JOINT_NAMES[:22])
+BODY_NAMES = JOINT_NAMES[:22]
 """Pelvis to wrists: joints that SMPL, SMPL+H and SMPL-X have."""
 
 CONTACT_CM = (2, 4, 5)

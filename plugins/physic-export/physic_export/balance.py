@@ -14,6 +14,7 @@ from scipy.spatial import ConvexHull
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.geometry.upright import transform_points
+from physic_core.types.skeletons import SIDES
 from physic_core.visual.rig import rigs
 from physic_export.humanoid import FLAT_M, body_segments
 from physic_export.skeleton import skinned
@@ -33,7 +34,6 @@ INSIDE_M = 0.04
 """Distance of the centre of mass from the edge of the soles after the turn, metres. Where the soles are too narrow, as
 on one foot, it goes as far inside as they allow."""
 
-_SIDES = ("left", "right")
 _STEPS = 20  # each turn moves the mass nearly to its aim: the feet, which stay, are 3 % of it
 _NEAR_M = 1e-4
 
@@ -93,7 +93,7 @@ def feet_that_carry(person: Person) -> tuple[str, ...]:
     carrying = [one for one in contacts if one.partner.kind in ("floor", "scene", "hidden")]
     if any(not one.part.endswith("_foot") or one.partner.kind == "hidden" for one in carrying):
         return ()
-    return tuple(side for side in _SIDES if any(one.part == f"{side}_foot" for one in carrying))
+    return tuple(side for side in SIDES if any(one.part == f"{side}_foot" for one in carrying))
 
 
 def balanced(index: int, rig: Rig, vertices: Array, feet: Sequence[str]) -> ExportedPerson:

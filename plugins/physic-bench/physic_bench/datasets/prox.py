@@ -25,7 +25,6 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
-from physic_bench.bodies import SMPLX_JOINTS
 from physic_bench.cameras import Camera, box_of_points, project
 from physic_bench.contract import BenchPerson, Frame, Picture, Truth
 from physic_bench.datasets.base import DataSet, FrameSet, evenly
@@ -42,6 +41,7 @@ from physic_bench.reading import (
     rotation,
 )
 from physic_core.adapters.people import box_iou
+from physic_core.body.joints import JOINT_NAMES
 from physic_core.errors import InputError
 
 if TYPE_CHECKING:
@@ -149,7 +149,7 @@ def _truth(root: Path, name: str, kind: str, bodies: BodyFiles) -> Truth:
                 "--smplx SMPLX_MALE.npz, or a folder with it, since the body is male"
             )
         joints = _to_camera(root, body.joints, kind)
-    names = () if joints is None else SMPLX_JOINTS
+    names = () if joints is None else JOINT_NAMES
     person = BenchPerson("0", joints, names, "posed SMPL-X", _to_camera(root, vertices, kind), "smplx")
     return Truth((person,), scene=read_surface(root / "scenes" / "vicon.ply"))
 

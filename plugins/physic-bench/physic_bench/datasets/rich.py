@@ -26,7 +26,6 @@ from xml.etree import ElementTree
 import click
 import numpy as np
 
-from physic_bench.bodies import SMPLX_JOINTS
 from physic_bench.cameras import Camera
 from physic_bench.contract import TOPOLOGY_OF_COUNT, BenchPerson, Frame, Picture, Truth
 from physic_bench.datasets.base import DataSet, FrameSet
@@ -42,6 +41,7 @@ from physic_bench.reading import (
     reading,
     rotation,
 )
+from physic_core.body.joints import JOINT_NAMES
 from physic_core.errors import InputError
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ def _truth(root: Path, sequence: str, moment: str, camera: Camera, split: str, b
         contact = _contact(root / "human_scene_contact" / split / sequence / moment / file.name)
         joints, vertices = camera.in_camera(body.joints), camera.in_camera(body.vertices)
         mesh = TOPOLOGY_OF_COUNT[len(contact)]
-        people.append(BenchPerson(file.stem, joints, SMPLX_JOINTS, "posed SMPL-X", vertices, "smplx", contact, mesh))
+        people.append(BenchPerson(file.stem, joints, JOINT_NAMES, "posed SMPL-X", vertices, "smplx", contact, mesh))
     scan = _scene(root, sequence) / "scan_camcoord.ply"
     return Truth(tuple(people), scene=read_surface(scan) if scan.is_file() else None)
 

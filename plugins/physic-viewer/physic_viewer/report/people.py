@@ -66,11 +66,12 @@ def people_records(reconstruction: Reconstruction) -> list[dict[str, Any]]:
 def _record(
     reconstruction: Reconstruction, index: int, gaps: dict[tuple[int, int], float], model: BodyModel | None
 ) -> dict[str, Any]:
-    person = reconstruction.people[index]
+    people, person = reconstruction.people, reconstruction.people[index]
     posed, pelvis = is_posed(person), np.asarray(person.joints[_PELVIS], np.float64)
     titles = partner_titles(contact.partner for contact in person.contacts)
     fits = posed and model is not None and model.num_vertices == len(person.vertices)
     body = model if fits else None
+    others = [(other, gap) for (first, other), gap in gaps.items() if first == index]
     return {
         "grade": None if person.grade is None else str(person.grade),
         "box": [float(edge) for edge in person.box] if person.mask.any() else None,
@@ -88,9 +89,8 @@ def _record(
         "pelvis": pelvis.tolist() if posed else None,
         **_heights(reconstruction, person),
         "others": [
-            {"person": other, "pelvis": _pelvis_distance(reconstruction, index, other), "gap": gap}
-            for (first, other), gap in gaps.items()
-            if first == index
+            {"person": other, "pelvis": float(np.linalg.norm(pelvis - people[other].joints[_PELVIS])), "gap": gap}
+            for other, gap in others
         ],
         "contact": None if body is None else _contact_by_part(reconstruction, person, body),
     }
@@ -128,11 +128,6 @@ def _heights(reconstruction: Reconstruction, person: Person) -> dict[str, Any]:
         "pelvis_height": float(person.joints[_PELVIS] @ normal + floor.offset) / length,
         "lowest": float((person.vertices @ normal).min() + floor.offset) / length,
     }
-
-
-def _pelvis_distance(reconstruction: Reconstruction, first: int, second: int) -> float:
-    one, other = (np.asarray(reconstruction.people[i].joints[_PELVIS], np.float64) for i in (first, second))
-    return float(np.linalg.norm(one - other))
 
 
 def _gaps(reconstruction: Reconstruction) -> dict[tuple[int, int], float]:
