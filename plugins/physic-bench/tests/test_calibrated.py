@@ -21,11 +21,6 @@ def moved(points: np.ndarray, x: float, y: float, z: float) -> np.ndarray:
     return points + np.array([x, y, z])
 
 
-def photo(root: Path, name: str) -> None:
-    root.mkdir(parents=True, exist_ok=True)
-    Image.new("RGB", SIZE, (90, 90, 90)).save(root / name)
-
-
 @pytest.fixture
 def root(tmp_path: Path) -> Path:
     """Three photos with one measured person each."""
@@ -122,6 +117,7 @@ VIEWS = ("east", "north", "west", "south")
 def views(tmp_path: Path) -> Path:
     """Four cameras round two people; z is up in the world."""
     folder = tmp_path / "views"
+    folder.mkdir()
     cameras = {}
     for k, name in enumerate(VIEWS):
         angle = np.pi / 2 * k + 0.3
@@ -131,7 +127,7 @@ def views(tmp_path: Path) -> Path:
         t = -R @ np.array([4 * np.cos(angle), 4 * np.sin(angle), 1.5])
         cameras[name] = {"width": 640, "height": 480, "K": (K * [[0.8], [0.8], [1]]).tolist(), "dist": [0] * 5}
         cameras[name] |= {"R": R.tolist(), "t_m": t.tolist()}
-        photo(folder, f"{name}_0.png")
+        Image.new("RGB", SIZE, (90, 90, 90)).save(folder / f"{name}_0.png")
     (folder / "cameras.json").write_text(json.dumps({"cameras": cameras, "up": [0, 0, 1]}))
     return folder
 
