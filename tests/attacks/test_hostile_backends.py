@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import signal
 import sys
 from collections.abc import Callable
 from typing import Any
@@ -41,11 +40,6 @@ def call(deed: Callable[[Any], Any], image: np.ndarray | None = None) -> tuple[D
     resolved = ResolvedBackend(backend, Provenance("metric_depth", "own", "p", "my-dist", "1.0", {}, ""))
     request = MetricDepthRequest(np.zeros((6, 8, 3), np.uint8) if image is None else image, Hints())
     return StageRunner("cpu", 1).call_backend("depth", resolved, request), backend
-
-
-def test_ctrl_c_of_the_user_ends_the_call() -> None:
-    with pytest.raises(KeyboardInterrupt):
-        call(lambda image: signal.raise_signal(signal.SIGINT))
 
 
 def test_input_and_output_are_copies() -> None:

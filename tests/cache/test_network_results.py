@@ -64,14 +64,3 @@ def test_nothing_is_kept_outside_of_a_run_with_a_cache(cache: ResultCache) -> No
         network.outputs()
     network.outputs()
     assert network.runs == 3
-
-
-def test_a_damaged_file_is_computed_again_and_noted(cache: ResultCache, tmp_path: Path) -> None:
-    network = Network()
-    with network_results_in(cache):
-        network.outputs()
-        (file,) = (tmp_path / "results").iterdir()
-        file.write_bytes(file.read_bytes()[:-20])
-        np.testing.assert_array_equal(network.outputs()[0], OUTPUTS[0])
-    assert network.runs == 2
-    assert len(cache.notes) == 1

@@ -2,6 +2,9 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
+
+import pytest
 
 LIGHT = """
 import sys
@@ -39,6 +42,11 @@ def test_commands_that_look_around_import_nothing_heavy():
         "bench accuracy --help",
     )
     require_light([command.split() for command in commands], HEAVY)
+
+
+def test_looking_into_the_cache_imports_nothing_heavy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path))
+    require_light([["cache", "info"]], HEAVY | {"pydantic"})
 
 
 def test_configs_are_checked_without_torch_and_without_a_runtime():

@@ -115,14 +115,6 @@ def test_one_error_lists_all_that_is_missing_before_anything_is_computed(heavy: 
     assert asked == []
 
 
-def test_run_lists_missing_files_and_leaves_no_folder(heavy: Path, repository: Path, tmp_path: Path):
-    photo = repository / "examples" / "couple.jpg"
-    done = physic("run", str(photo), "--config", "my.toml", "-o", "out")
-    assert (done.exit_code, done.stdout) == (4, "")
-    assert "metric_depth 'heavy'" in done.stderr
-    assert not (tmp_path / "out").exists()
-
-
 def test_config_check_reports_a_valid_config_and_missing_files(heavy: Path):
     done = physic("config", "check", "--config", "my.toml")
     assert done.exit_code == 4
