@@ -89,7 +89,7 @@ def _versions(work: BenchmarkJob) -> dict[str, str]:
 
     backends = resolve(work.config).backends.values()
     return {
-        "worlds": f"source {source_hash(('physic_testing/worlds', 'physic_core/body'))}",
+        "worlds": f"source {source_hash('physic_testing/worlds', 'physic_core/body')}",
         "physic-core": core_version(),
         "numpy": numpy.__version__,
         "torch": torch.__version__,

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 Record = dict[str, Any]
 
 _EVALUATION_CODE = (
+    "physic_bench",
     "physic_core/body",
     "physic_core/engine",
     "physic_core/geometry",
@@ -115,7 +116,7 @@ def _record(case: WorldCase, work: BenchmarkJob) -> Record:
     plan, model, skin = _pipeline_and_body(work.config.model_dump_json())
 
     def file(name: str) -> Path | None:
-        code = source_hash(_EVALUATION_CODE)
+        code = source_hash(*_EVALUATION_CODE)
         return None if work.folder is None else work.folder / evidence_key(case, plan) / f"{name}-{code}.json"
 
     @cache

@@ -7,10 +7,10 @@ import json
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import physic_core
 from physic_core.engine.joint.problem import OtherView
 from physic_core.engine.stance import Stance
 from physic_core.files.plain import DamagedFileError, read_value, write_value
@@ -25,6 +25,14 @@ if TYPE_CHECKING:
     from physic_core.configuration.model import Config
     from physic_core.configuration.resolve import ResolvedPipeline
     from physic_testing.worlds import World
+
+_ESTIMATION_CODE = (
+    "physic_core/body",
+    "physic_core/pipeline/known_people.py",
+    "physic_core/pipeline/estimate.py",
+    "physic_testing",
+)
+"""Source files on which evidence depends, besides the plugins of the backends."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +94,7 @@ def load_evidence(path: Path) -> Estimates | None:
 
 def evidence_key(case: WorldCase, plan: ResolvedPipeline) -> str:
     """Return the cache key of a world's evidence: a hash of world, backends, options and source code."""
+    plugins = {found.provenance.plugin.partition(".")[0] for found in plan.backends.values()}
     facts = {
         "world": [case.name, case.seed, *case.size],
         "photo": plan.photo.model_dump(mode="json"),
@@ -98,49 +107,30 @@ def evidence_key(case: WorldCase, plan: ResolvedPipeline) -> str:
             ]
             for name, found in plan.backends.items()
         },
-        "source": [
-            source_hash(
-                ("physic_core/body", "physic_core/pipeline/known_people.py", "physic_core/pipeline/estimate.py")
-            ),
-            _folder_hash("physic_testing"),
-            *sorted({_folder_hash(found.provenance.plugin) for found in plan.backends.values()}),
-        ],
+        "source": source_hash(*_ESTIMATION_CODE, *sorted(plugins)),
     }
     return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()[:24]
 
 
 @cache
-def source_hash(parts: tuple[str, ...] = ("physic_core", "physic_testing")) -> str:
-    """Return a hash of source files in packages, folders or modules, such as "physic_core/body"."""
-    root = {"physic_core": Path(physic_core.__file__).parents[1], "physic_testing": Path(__file__).parents[2]}
+def source_hash(*parts: str) -> str:
+    """Return a hash of Python files, and of data files with fitted numbers.
+
+    Args:
+        parts: installed packages, or folders or modules in them, such as "physic_core/body". Of a package that is not
+            installed, the name counts.
+    """
     digest = hashlib.sha256()
     for part in parts:
-        top = root[part.partition("/")[0]]
-        digest.update(_hash(top, _modules(top / part)).encode())
-    return digest.hexdigest()
-
-
-@cache
-def _folder_hash(package: str) -> str:
-    """Return a hash of all source files of an installed package."""
-    from importlib.util import find_spec
-
-    spec = find_spec(package.partition(".")[0])
-    places = list(spec.submodule_search_locations or []) if spec is not None else []
-    return _hash(Path(places[0]), _modules(Path(places[0]))) if places else package
-
-
-def _modules(path: Path) -> Iterable[Path]:
-    """Return the Python files of a path, and the data files with fitted numbers."""
-    return [path] if path.is_file() else sorted(file for file in path.rglob("*") if file.suffix in (".py", ".json"))
-
-
-def _hash(root: Path, paths: Iterable[Path]) -> str:
-    """Return a hash of file names and contents."""
-    digest = hashlib.sha256()
-    for path in paths:
-        digest.update(path.relative_to(root).as_posix().encode())
-        digest.update(path.read_bytes())
+        digest.update(part.encode())
+        spec = find_spec(part.partition("/")[0])
+        for place in (spec.submodule_search_locations or ()) if spec is not None else ():
+            root = Path(place).parent
+            path = root / part
+            found = [path] if path.is_file() else (one for one in path.rglob("*") if one.suffix in (".py", ".json"))
+            for file in sorted(found):
+                digest.update(file.relative_to(root).as_posix().encode())
+                digest.update(file.read_bytes())
     return digest.hexdigest()[:16]
 
 
