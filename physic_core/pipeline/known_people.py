@@ -52,11 +52,8 @@ def known_people(known: KnownSizes, people: People, *, chosen: bool = False) -> 
     Raises:
         InputError: there are several statures or ages, but not one per person.
     """
-
-    def find(name: str, given: tuple[float, ...]) -> FloatArray | None:
-        return _per_person(given, name, people, chosen=chosen) if any(given) else None
-
-    return KnownPeople(find("age", known.age), find("stature", known.stature))
+    years = _per_person(known.age, "age", people, chosen=chosen)
+    return KnownPeople(years, _per_person(known.stature, "stature", people, chosen=chosen))
 
 
 def who_got_which(known: KnownSizes, found: KnownPeople, people: People) -> tuple[str, ...]:
@@ -75,14 +72,16 @@ def who_got_which(known: KnownSizes, found: KnownPeople, people: People) -> tupl
     )
 
 
-def _per_person(given: tuple[float, ...], name: str, people: People, *, chosen: bool) -> FloatArray:
+def _per_person(given: tuple[float, ...], name: str, people: People, *, chosen: bool) -> FloatArray | None:
+    if not any(given):
+        return None
     count = len(people)
     if len(given) > 1 and len(given) != count:
         raise InputError(
             f"{len(given)} {name}s were given, but {count} {'person was' if count == 1 else 'people were'} found: give "
             f"one {name} for all, or one per person from left to right with 0 where it is unknown"
         )
-    values = np.array(given * count if len(given) == 1 else given or (0.0,) * count, np.float64)
+    values = np.array(given * count if len(given) == 1 else given, np.float64)
     boxes = np.asarray(people.boxes, np.float64).reshape(-1, 4)
     order = np.arange(count) if chosen else np.argsort(boxes[:, 0] + boxes[:, 2], kind="stable")
     found = np.full(count, np.nan)

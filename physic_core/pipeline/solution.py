@@ -162,7 +162,10 @@ def scene_alone(estimates: Estimates, scene: SceneState, model: BodyModel, scale
 def _intrinsics(K: Tensor, estimates: Estimates) -> Intrinsics:
     height, width = estimates.hole.shape
     fx, fy, cx, cy = (float(v) for v in (K[0, 0], K[1, 1], K[0, 2], K[1, 2]))
-    return Intrinsics(fx, fy, cx, cy, width, height, *_camera_source(K, estimates))
+    for camera in (estimates.intrinsics, estimates.depth.intrinsics):
+        if camera is not None and torch.equal(K, torch.from_numpy(camera.matrix)):
+            return Intrinsics(fx, fy, cx, cy, width, height, camera.source, camera.trust, camera.focal_sigma)
+    return Intrinsics(fx, fy, cx, cy, width, height, "point map and metric depth", CameraTrust.ESTIMATED)
 
 
 def _scene(scene: SceneState, scale: float, scale_sigma: float | None, estimates: Estimates) -> Scene:
@@ -180,10 +183,3 @@ def _scene(scene: SceneState, scale: float, scale_sigma: float | None, estimates
         scale=scale,
         scale_sigma=scale_sigma,
     )
-
-
-def _camera_source(K: Tensor, estimates: Estimates) -> tuple[str, CameraTrust, float | None]:
-    for camera in (estimates.intrinsics, estimates.depth.intrinsics):
-        if camera is not None and torch.equal(K, torch.from_numpy(camera.matrix)):
-            return camera.source, camera.trust, camera.focal_sigma
-    return "point map and metric depth", CameraTrust.ESTIMATED, None
