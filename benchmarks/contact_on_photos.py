@@ -40,7 +40,7 @@ from unittest.mock import patch
 import numpy as np
 from numpy.typing import NDArray
 
-from physic_core.engine.touch import IN_WORLDS, touch_model
+from physic_core.engine.touch import IN_WORLDS, LEAST_PROBABILITY, touch_model
 from physic_core.metrics import match_by_boxes
 
 from .truth.contact import MIN_IOU, OF_RESULTS, TOUCHES
@@ -253,7 +253,10 @@ def cases_of(samples: Sequence[Sample], out: Path) -> list[Case]:
 
 
 def skin_cases(sample: Sample, people: Sequence[Mapping[str, Any]]) -> list[Case]:
-    """Return the contacts of the found people of a photo with skin, on parts whose partner was labelled."""
+    """Return the contacts of the found people of a photo with skin, on parts whose partner was labelled.
+
+    Only those are counted that the fit to worlds would list.
+    """
     truth = sample.truth.get("people", ())
     if not people or not truth:
         return []
@@ -262,7 +265,7 @@ def skin_cases(sample: Sample, people: Sequence[Mapping[str, Any]]) -> list[Case
     for i, j in matched.items():
         labels = {OF_RESULTS.get(part, part): label for part, label in truth[i]["parts"].items()}
         for part, partner, odds in people[j]["skin"]:
-            if (label := labels.get(part)) is not None:
+            if (label := labels.get(part)) is not None and odds >= _logit(LEAST_PROBABILITY):
                 touches = label == {"self": "own"}.get(partner, partner)
                 cases.append(Case(picture_name(sample), SKIN, {IN_WORLDS: odds}, touches, 1.0))
     return cases
