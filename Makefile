@@ -7,6 +7,7 @@
 # make mutants                  remove each stated defence in turn, and require that its test fails (tools/attacks/mutants)
 # make test-lowest | test-newest the tests of make quick, with the lowest and the newest versions of all dependencies
 # make audit                    known vulnerabilities of the pinned dependencies; needs pip-audit and a network
+# make findings                 run each script of findings/: which behaviour of other tools has changed; needs a network
 # make sbom                     a bill of materials of this environment, in dist/physic-sbom.json (CycloneDX)
 # make docs                     the documentation as a site, in docs/_build/html/index.html; compares its notebooks with results
 # make pictures                 pictures, their numbers and notebooks of the documentation, made again; needs Chromium
@@ -24,7 +25,7 @@ DISTRIBUTIONS := pyproject.toml $(wildcard contrib/*/pyproject.toml plugins/*/py
 
 # Values with blanks and quotes reach the shell as they are.
 export PHOTO
-.PHONY: demo quick test test-ray kernels fuzz mutants test-lowest test-newest audit sbom docs site notebooks pictures export-pictures lint clean
+.PHONY: demo quick test test-ray kernels fuzz mutants test-lowest test-newest audit sbom docs site notebooks pictures export-pictures findings lint clean
 
 demo: $(VENV)/demo.stamp
 	@name=$$(basename "$$PHOTO"); $(BIN)/physic run "$$PHOTO" -o "demo/$${name%.*}"
@@ -82,6 +83,11 @@ test-lowest test-newest: $(VENV)/test.stamp
 
 audit: $(VENV)/test.stamp
 	$(BIN)/pip-audit --strict --no-deps --disable-pip -r constraints.txt
+
+findings:
+	@failed=; for script in findings/*.sh; do \
+		echo "== $$script"; sh "$$script" || failed="$$failed $$script"; \
+	done; [ -z "$$failed" ] || { echo "changed:$$failed"; exit 1; }
 
 sbom: $(VENV)/test.stamp
 	$(BIN)/python tools/sbom.py dist/physic-sbom.json

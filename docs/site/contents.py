@@ -16,6 +16,7 @@ FOLDERS = (
     "plugins/*",
     "benchmarks",
     "examples",
+    "findings",
 )
 """Folders whose Markdown files and notebooks are pages, beside those of the root."""
 
@@ -23,6 +24,7 @@ SECTIONS = {
     "Start": ["docs/install", "docs/how-it-works", "docs/gallery", "docs/notebooks/README"],
     "Use": [
         "docs/running",
+        "docs/tools",
         "docs/batch",
         "docs/serve",
         "docs/configuration",
