@@ -216,6 +216,18 @@ def test_each_view_button_shows_another_picture(page, overview, view):
     click(page, "[data-view=people]")
 
 
+def test_drags_upwards_end_above_the_floor_with_people_in_view(page):
+    x, y, width, height = page.box("#view canvas")
+    for _ in range(3):
+        page.drag((x + width / 2, y + 0.9 * height), (x + width / 2, y + 0.1 * height))
+    seen = page.picture("#view")
+    click(page, "[data-show=people]")
+    without = page.picture("#view")
+    click(page, "[data-show=people]")
+    click(page, "[data-view=people]")
+    assert difference(seen, without) > 0.1
+
+
 def test_two_clicks_measure_the_distance_of_their_points(page, result):
     spots = [(60, 200), (250, 120)]  # on the floor, on the back wall
     first, second = (result.scene.points[row, column].astype(float) for column, row in spots)

@@ -2,6 +2,7 @@
 
 const BODIES = 1; // layer of what is drawn over the photo
 const FIELD_OF_VIEW = 40;
+const LEAST_HEIGHT = 0.05; // of the eye above the floor, m: from below, the floor hides the people
 const SCENE = ["mesh", "points", "backdrop"];
 const LINEAR = Float32Array.from({ length: 256 }, (_, v) => new THREE.Color().setRGB(v / 255, 0, 0, THREE.SRGBColorSpace).r);
 
@@ -43,12 +44,27 @@ class Stage {
     this.controls = new THREE.OrbitControls(this.camera, canvas);
     this.controls.addEventListener("change", () => {
       this.isPhotoBehind = false;
+      this.stayAboveFloor();
       this.draw();
     });
+    this.controls.minDistance = 0.3;
+    this.controls.maxDistance = 20 * this.box.getSize(new THREE.Vector3()).length();
     this.photoCamera = makePhotoCamera(data, this.root); // a place to look from
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement);
     this.resize();
     this.look("people");
+  }
+
+  // Lift the eye, at its distance from the target, to the least height; the frame is upright with the floor at y = 0.
+  stayAboveFloor() {
+    const { target } = this.controls, offset = this.camera.position.clone().sub(target);
+    if (!this.data.floor || this.camera.position.y >= LEAST_HEIGHT) return;
+    target.y = Math.max(target.y, 0);
+    const distance = offset.length(), height = Math.min(0.99 * distance, LEAST_HEIGHT - target.y);
+    const flat = Math.hypot(offset.x, offset.z) || 1, reach = Math.sqrt(distance ** 2 - height ** 2);
+    offset.set(offset.x / flat * reach, height, offset.z / flat * reach);
+    this.camera.position.copy(target).add(offset);
+    this.camera.lookAt(target);
   }
 
   // The box of bodies, else of most of the scene.
@@ -114,7 +130,10 @@ class Stage {
     this.camera.updateProjectionMatrix();
     this.controls.update();
     // The photo may be tilted; the controls keep the horizon level from the next turn on.
-    if (name === "camera") this.camera.quaternion.setFromRotationMatrix(this.photoCamera.matrixWorld);
+    if (name === "camera") {
+      this.camera.position.copy(eye);
+      this.camera.quaternion.setFromRotationMatrix(this.photoCamera.matrixWorld);
+    }
     this.isPhotoBehind = name === "camera";
     this.draw();
   }
@@ -169,6 +188,7 @@ class Stage {
     offset.set(Math.sin(azimuth) * Math.cos(rise), Math.sin(rise), Math.cos(azimuth) * Math.cos(rise));
     this.camera.position.copy(this.controls.target).addScaledVector(offset, distance);
     this.controls.update();
+    this.stayAboveFloor();
     this.draw();
   }
 
