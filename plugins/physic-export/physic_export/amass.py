@@ -143,6 +143,7 @@ def _arrays(model: BodyModel, person: BodyParameters, frame: ExportFrame, gender
         "betas": person.betas[0].astype(np.float64),
         "num_betas": np.array(person.betas.shape[1]),
         "expression": person.expression.astype(np.float64),
+        "expressions": person.expression.astype(np.float64),  # the name that Blender's add-on for SMPL-X reads
         "gender": np.array(gender),
         "surface_model_type": np.array("smplx"),
         "mocap_frame_rate": np.array(_FRAME_RATE),

@@ -91,6 +91,7 @@ _VERTEX = np.dtype(
         *((name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")),
         *((name, "u1") for name in ("red", "green", "blue", "contact")),
         ("object", "<i4"),
+        ("quality", "<f4"),
     ]
 )
 _FACE = np.dtype([("count", "u1"), ("vertex_indices", "<i4", (3,))])
@@ -98,7 +99,10 @@ _PROPERTY = {"f4": "float", "u1": "uchar", "i4": "int"}
 
 
 def export_ply(request: ExportRequest) -> ExportedFiles:
-    """Return one binary PLY file; its vertices have ``object``: -1 is the scene, 0, 1, ... are people."""
+    """Return one binary PLY file; its vertices have ``object``: -1 is the scene, 0, 1, ... are people.
+
+    ``quality`` is the probability of contact, 0 or 1 if none is estimated: the one property that MeshLab keeps.
+    """
     skins = skins_of(request)
     parts = [(-1, scene_points(request))] if request.scene else []
     parts += list(zip(request.people, person_meshes(request, skins), strict=True))
@@ -108,7 +112,11 @@ def export_ply(request: ExportRequest) -> ExportedFiles:
         for axis, name in enumerate("xyz"):
             rows[name], rows[f"n{name}"] = mesh.vertices[:, axis], mesh.normals[:, axis]
         rows["red"], rows["green"], rows["blue"] = mesh.colors.T
-        rows["contact"], rows["object"] = mesh.contact, number
+        rows["contact"] = mesh.contact
+        rows["object"] = number
+        rows["quality"] = mesh.contact
+        if number >= 0 and (probability := request.result.people[number].contact_probability) is not None:
+            rows["quality"] = probability
         vertices.append(rows)
         triangles = np.zeros(len(mesh.faces), _FACE)
         triangles["count"], triangles["vertex_indices"] = 3, mesh.faces + start

@@ -94,7 +94,7 @@ def export_urdf(request: ExportRequest) -> ExportedFiles:
 def _scene(request: ExportRequest) -> dict[str, bytes]:
     """Return the scene as a robot of one link, and its meshes."""
     stem = f"{request.stem}_scene"
-    robot = _Robot(stem, _root("scene"))
+    robot = _Robot(stem, _root("scene", collides=True))
     link = ElementTree.SubElement(robot.root, "link", name="scene")
     if (surface := scene_mesh(request)) is not None:
         ElementTree.SubElement(link, "visual").append(robot.mesh("surface", (surface.vertices, surface.faces)))
@@ -107,10 +107,14 @@ def _scene(request: ExportRequest) -> dict[str, bytes]:
     return {**robot.meshes, f"{stem}.urdf": xml_file(robot.root)}
 
 
-def _root(name: str) -> ElementTree.Element:
+def _root(name: str, collides: bool) -> ElementTree.Element:
+    """Return a robot without links; in MuJoCo, its links collide or do not."""
     root = ElementTree.Element("robot", name=name)
-    # MuJoCo looks for meshes beside the file otherwise; other programs skip the element.
-    ElementTree.SubElement(ElementTree.SubElement(root, "mujoco"), "compiler", strippath="false")
+    # For MuJoCo, which otherwise looks for meshes beside the file, and melts the root into the world.
+    mujoco = ElementTree.SubElement(root, "mujoco")
+    ElementTree.SubElement(mujoco, "compiler", strippath="false", fusestatic="false")
+    if not collides:
+        ElementTree.SubElement(ElementTree.SubElement(mujoco, "option"), "flag", contact="disable")
     return root
 
 
@@ -130,7 +134,8 @@ def _pose(request: ExportRequest, segments: Sequence[Segment]) -> dict[str, obje
 
 
 def _robot(stem: str, name: str, segments: Sequence[Segment]) -> _Robot:
-    robot = _Robot(stem, _root(name))
+    # MuJoCo would push segments apart that only a light link between two axes separates.
+    robot = _Robot(stem, _root(name, collides=False))
     mass = sum(one.mass for one in segments)
     for segment in segments:
         above, place = segments[segment.parent].name, segment.zero

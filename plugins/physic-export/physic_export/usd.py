@@ -164,6 +164,7 @@ def _add_person(stage: Any, mesh: ColoredMesh, skins: Skins, index: int, rig: Ri
         primvar.Set(Vt.FloatArray.FromNumpy(numbers))
     if rig is not None:
         add_skeleton(stage, path, made, rig, skins.request.frame.up_vector)
+        _add_extents(top, made, mesh.vertices)
     looks = {"neutral": _add_material(stage, f"{path}/looks/neutral", color=BODY_RGB)}
     if skins.textured is not None:
         looks["photo"] = _add_material(stage, f"{path}/looks/photo", picture=f"{stem}_{mesh.name}.jpg")
@@ -179,6 +180,33 @@ def _add_person(stage: Any, mesh: ColoredMesh, skins: Skins, index: int, rig: Ri
     collider = _add_mesh(stage, f"{path}/collider", mesh)
     collider.CreatePurposeAttr(UsdGeom.Tokens.guide)
     _collide(collider, UsdPhysics.Tokens.convexDecomposition)
+
+
+def _add_extents(root: Any, mesh: Any, posed: NDArray[Any]) -> None:
+    """State the bounds of a person: at time 0 those of the T-pose, at time 1 those of the pose (V, 3).
+
+    Without them, OpenUSD widens the bounds of the joints by the distance from the mesh in its bind pose to the resting
+    joints, which is the distance of the person from the origin.
+    """
+    from pxr import Usd, UsdGeom, UsdSkel
+
+    cache = UsdSkel.Cache()
+    cache.Populate(root, Usd.PrimDefaultPredicate)
+    skeleton = cache.GetSkelQuery(UsdSkel.BindingAPI(mesh).GetInheritedSkeleton())
+    resting = mesh.GetPointsAttr().Get()
+    transforms = skeleton.ComputeSkinningTransforms(0)
+    cache.GetSkinningQuery(mesh.GetPrim()).ComputeSkinnedPoints(transforms, resting, 0)
+    extent = UsdGeom.Boundable(root).CreateExtentAttr()
+    for time, points in ((0, np.array(resting)), (1, posed)):
+        extent.Set(_extent(points), time)
+    extent.Set(_extent(posed))
+
+
+def _extent(points: NDArray[Any]) -> list[Any]:
+    """Return the lower and the upper corner of the box around points (V, 3)."""
+    from pxr import Gf
+
+    return [Gf.Vec3f(*map(float, corner)) for corner in (points.min(0), points.max(0))]
 
 
 def _add_scene(stage: Any, request: ExportRequest) -> dict[str, bytes]:
@@ -221,7 +249,7 @@ def _add_floor(stage: Any, request: ExportRequest) -> None:
 
 def _add_mesh(stage: Any, path: str, mesh: ColoredMesh) -> Any:
     """Add a mesh with normals and displayColor, and return it."""
-    from pxr import Gf, Sdf, UsdGeom, Vt
+    from pxr import Sdf, UsdGeom, Vt
 
     def vectors(values: NDArray[Any]) -> Any:
         return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(values, np.float32))
@@ -233,8 +261,7 @@ def _add_mesh(stage: Any, path: str, mesh: ColoredMesh) -> Any:
     made.CreateNormalsAttr(vectors(mesh.normals))
     made.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     made.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
-    low, high = (Gf.Vec3f(*map(float, edge)) for edge in (mesh.vertices.min(0), mesh.vertices.max(0)))
-    made.CreateExtentAttr([low, high])
+    made.CreateExtentAttr(_extent(mesh.vertices))
     made.CreateDoubleSidedAttr(True)
     primvars = UsdGeom.PrimvarsAPI(made)
     color = primvars.CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.vertex)

@@ -34,6 +34,11 @@ def test_plyfile_reads_points_colours_normals_and_contact(export, result: Recons
     np.testing.assert_allclose(normals[scene], result.scene.normals[valid], atol=1e-6)
     np.testing.assert_array_equal(points[own], result.people[1].vertices)
     np.testing.assert_array_equal(rows["contact"][own], result.people[1].contact)
+    probability = result.people[1].contact_probability
+    np.testing.assert_array_equal(
+        rows["quality"][own], result.people[1].contact if probability is None else probability
+    )
+    assert not rows["quality"][scene].any()
     assert [c for c in data.comments if c.startswith("axes")] == [
         "axes: x right, y down, z forward, origin at the camera"
     ]

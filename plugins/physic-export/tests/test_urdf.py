@@ -108,6 +108,19 @@ def test_the_masses_are_those_of_the_mjcf_file(result: Reconstruction, folder: P
     assert total == pytest.approx(1010 * volume + 0.01 * 30, rel=1e-3)  # 30 light links between the axes of joints
 
 
+def test_a_person_in_mujoco_has_its_whole_mass_and_keeps_its_pose_without_gravity(folder: Path):
+    mujoco = pytest.importorskip("mujoco")
+    model, data, _ = read(folder, 0)
+    masses = ElementTree.parse(folder / "a_0.urdf").findall("link/inertial/mass")
+    assert model.body_mass.sum() == pytest.approx(sum(float(mass.get("value")) for mass in masses), abs=1e-3)
+    model.opt.gravity[:] = 0
+    before = data.qpos.copy()
+    for _ in range(100):
+        mujoco.mj_step(model, data)
+        assert data.ncon == 0
+    np.testing.assert_allclose(data.qpos, before, atol=1e-6)
+
+
 def test_an_arm_collides_as_a_cylinder_with_round_ends(folder: Path):
     root = ElementTree.parse(folder / "a_0.urdf").getroot()
     (elbow,) = (link for link in root.iter("link") if link.get("name") == "left_elbow")

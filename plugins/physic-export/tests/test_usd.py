@@ -66,6 +66,16 @@ def test_time_0_is_a_t_pose_on_the_floor(stage):
     assert high[2] > 1.5
 
 
+@pytest.mark.parametrize("index", [0, 1])
+def test_the_bounds_of_a_person_are_those_of_its_surface(stage, index: int):
+    for time in (0, 1):
+        points = skinned_points(stage, index, time)
+        cache = UsdGeom.BBoxCache(time, [UsdGeom.Tokens.default_])
+        box = cache.ComputeWorldBound(stage.GetPrimAtPath(f"/physic/person_{index}")).ComputeAlignedRange()
+        np.testing.assert_allclose(box.GetMin(), points.min(0), atol=1e-3)
+        np.testing.assert_allclose(box.GetMax(), points.max(0), atol=1e-3)
+
+
 def test_skins_are_variants_with_materials(stage, export):
     variants = stage.GetPrimAtPath("/physic/person_0").GetVariantSets().GetVariantSet("skin")
     assert variants.GetVariantNames() == ["contact", "neutral", "photo"]
