@@ -1,0 +1,28 @@
+#!/bin/sh
+# Open3D makes an RGB-D image of a depth map of 3.5 m in mm, and points of it. Expected: each pixel gives a point.
+# Measured with open3d 0.20.0: none does, without a warning: depth_trunc is 3 m unless stated.
+# Needs the system libraries of its wheel (Debian: libusb-1.0-0, libgl1, libegl1, libx11-6).
+set -eu
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+python3 -m venv "$folder/venv"
+"$folder/venv/bin/pip" install --quiet --disable-pip-version-check open3d==0.20.0
+"$folder/venv/bin/python" - <<'PYTHON'
+import numpy as np
+import open3d as o3d
+
+color = o3d.geometry.Image(np.full((40, 60, 3), 90, np.uint8))
+depth = o3d.geometry.Image(np.full((40, 60), 3500, np.uint16))
+camera = o3d.camera.PinholeCameraIntrinsic(60, 40, 50.0, 50.0, 29.5, 19.5)
+
+
+def points(**options):
+    pair = o3d.geometry.RGBDImage.create_from_color_and_depth(color, depth, depth_scale=1000, **options)
+    return len(o3d.geometry.PointCloud.create_from_rgbd_image(pair, camera).points)
+
+
+cut = points()
+whole = points(depth_trunc=100)
+print(f"open3d {o3d.__version__}: {cut} of 2400 points, with depth_trunc=100 {whole}")
+raise SystemExit((cut, whole) != (0, 2400))
+PYTHON

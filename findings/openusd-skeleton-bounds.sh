@@ -1,0 +1,43 @@
+#!/bin/sh
+# OpenUSD computes the bounds of a SkelRoot that states no extent, whose mesh rests at the origin and whose one joint rests
+# 10 m away; the pose equals the rest, so the mesh stays at the origin. Expected: the bounds are those of the mesh (1 m).
+# Measured with usd-core 26.11: they are those of the joint, widened by its distance from the mesh: about 20 m.
+set -eu
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+python3 -m venv "$folder/venv"
+"$folder/venv/bin/pip" install --quiet --disable-pip-version-check usd-core==26.11
+"$folder/venv/bin/python" - <<'PYTHON'
+from pxr import Gf, Usd, UsdGeom, UsdSkel, Vt
+
+stage = Usd.Stage.CreateInMemory()
+root = UsdSkel.Root.Define(stage, "/root")
+mesh = UsdGeom.Mesh.Define(stage, "/root/mesh")
+corners = [Gf.Vec3f(0, 0, 0), Gf.Vec3f(1, 0, 0), Gf.Vec3f(0, 1, 1)]
+mesh.CreatePointsAttr(corners)
+mesh.CreateFaceVertexCountsAttr([3])
+mesh.CreateFaceVertexIndicesAttr([0, 1, 2])
+mesh.CreateExtentAttr([Gf.Vec3f(0), Gf.Vec3f(1)])
+skeleton = UsdSkel.Skeleton.Define(stage, "/root/skeleton")
+resting = Gf.Matrix4d().SetTranslate(Gf.Vec3d(10, 0, 0))
+skeleton.CreateJointsAttr(["joint"])
+skeleton.CreateBindTransformsAttr([resting])
+skeleton.CreateRestTransformsAttr([resting])
+binding = UsdSkel.BindingAPI.Apply(mesh.GetPrim())
+binding.CreateSkeletonRel().SetTargets([skeleton.GetPath()])
+binding.CreateJointIndicesPrimvar(False, 1).Set(Vt.IntArray([0, 0, 0]))
+binding.CreateJointWeightsPrimvar(False, 1).Set(Vt.FloatArray([1, 1, 1]))
+
+
+def width():
+    cache = UsdGeom.BBoxCache(Usd.TimeCode.Default(), [UsdGeom.Tokens.default_])
+    box = cache.ComputeWorldBound(root.GetPrim()).ComputeAlignedRange()
+    return box.GetSize()[0]
+
+
+unstated = width()
+UsdGeom.Boundable(root).CreateExtentAttr([Gf.Vec3f(0), Gf.Vec3f(1)])
+stated = width()
+print(f"usd {Usd.GetVersion()}: width {unstated:.1f} m without extent, {stated:.1f} m with")
+raise SystemExit(not (unstated > 15 and abs(stated - 1) < 1e-6))
+PYTHON
