@@ -1,30 +1,31 @@
-"""Read keypoints that the user gives: COCO JSON, or CSV with person, joint, x and y."""
+"""Read keypoints that the user gives: JSON of another program, or CSV with person, joint, x and y."""
 
 from __future__ import annotations
 
 import csv
 import io
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from physic_core.errors import InputError
+from physic_core.files.atomic import read_regular
 from physic_core.files.text import parse_json, quoted
+from physic_core.io.keypoint_forms import KeypointTable, Row, table_of
 from physic_core.types.short_repr import ShortRepr
-from physic_core.types.skeletons import SKELETONS
 
 if TYPE_CHECKING:
-    from physic_core.types import FloatArray
+    from physic_core.types import BoolArray, FloatArray
 
 _COLUMNS = ("person", "joint", "x", "y")
-_COCO = tuple(name.removesuffix("_surface") for name in SKELETONS["coco17"].names)
 _MAX_BYTES = 10_000_000
-
-Row = tuple[int, str, float, float]
+_LEAST_SCORE = 0.3
+_LARGEST_SHARE_PX = 2.0  # all coordinates below it are shares of the picture
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,8 @@ class GivenKeypoints(ShortRepr):
         points: (K, 2) px.
         numbered: whether ``person`` is a number in the result; otherwise people are matched to annotations.
         file_px: px of the photo file in one px of ``points``.
+        confidence: (K,) in (0, 1], the score of another program, or 1; None if all are 1.
+        notes: what was left out or changed when the file was read.
     """
 
     person: tuple[int, ...]
@@ -44,86 +47,120 @@ class GivenKeypoints(ShortRepr):
     points: FloatArray
     numbered: bool
     file_px: float = 1.0
+    confidence: FloatArray | None = None
+    notes: tuple[str, ...] = ()
 
     def moved(self, move: Callable[[FloatArray], FloatArray]) -> GivenKeypoints:
         """Return the keypoints with their pixels (K, 2) mapped by a function."""
         return replace(self, points=move(self.points))
 
 
-def read_keypoints(path: str, width: int, height: int) -> GivenKeypoints:
+def read_keypoints(path: str, width: int, height: int, photo: str = "") -> GivenKeypoints:
     """Read the keypoints of one photo.
 
+    A third number that is not 0, 1 or 2 makes all of the file scores: keypoints below .3 are left out, the others have
+    their score as confidence. Keypoints at (0, 0) in JSON, and those outside of the photo, are left out. A file for
+    another size of the same picture is scaled. Each is said in a note.
+
     Args:
-        path: of a CSV file with the columns person, joint, x and y, or of COCO JSON: a dataset, its annotations, or
-            results of a detector. Points with v = 0 are skipped.
+        path: of a CSV file with the columns person, joint, x and y, or of JSON by one of the tools of
+            ``docs/tools.md``.
         width: of the upright photo file, px.
         height: of it, px.
+        photo: name of the photo's file, which tells one image of a dataset from the others.
 
     Raises:
-        InputError: the file cannot be read, has no keypoints, has one twice, or has one outside of the photo.
+        InputError: the file cannot be read, its form is not known, it has no keypoints, has one twice, is for a picture
+            of another shape, or has most of its keypoints outside of the photo.
     """
     try:
         file = Path(path)
-        if file.stat().st_size > _MAX_BYTES:
-            raise ValueError(f"it has more than {_MAX_BYTES / 1e6:.0f} MB, and keypoints of one photo are smaller")
-        text = file.read_text(encoding="utf-8-sig")
+        text = read_regular(file, _MAX_BYTES).decode("utf-8-sig")
         is_csv = file.suffix.lower() != ".json"
-        rows = list(_csv_rows(text) if is_csv else _coco_rows(parse_json(text)))
-        _check_rows(rows, width, height)
+        table = KeypointTable(tuple(_csv_rows(text)), False) if is_csv else table_of(parse_json(text), photo)
+        return _given(table, is_csv, (width, height))
     except OSError as error:
         raise InputError(f"cannot read the keypoints {path}: {error.strerror}") from error
-    except (ValueError, TypeError, KeyError) as error:
+    except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
         raise InputError(
-            f"the keypoints {path} cannot be used: {error}; give CSV with the columns {', '.join(_COLUMNS)}, or COCO "
-            "JSON"
+            f"the keypoints {path} cannot be used: {error}; give CSV with the columns {', '.join(_COLUMNS)}, COCO "
+            "JSON, or JSON of a tool that docs/tools.md names"
         ) from error
-    people, joints, x, y = zip(*rows, strict=True)
-    return GivenKeypoints(people, joints, np.stack([x, y], -1).astype(np.float64), is_csv)
 
 
 def _csv_rows(text: str) -> Iterable[Row]:
-    """Yield person, joint, x and y of each line below the header."""
+    """Yield the rows below the header; all are visible."""
     lines = csv.DictReader(io.StringIO(text), skipinitialspace=True)
     if missing := [name for name in _COLUMNS if name not in (lines.fieldnames or ())]:
         raise ValueError(f"the first line lacks {', '.join(missing)} (got {quoted(text.split(chr(10))[0])})")
     for line in lines:
         try:
-            yield int(line["person"]), line["joint"].strip(), float(line["x"]), float(line["y"])
+            yield int(line["person"]), line["joint"].strip(), float(line["x"]), float(line["y"]), 2.0
         except (ValueError, TypeError, AttributeError):
             given = ",".join(str(line[name]) for name in _COLUMNS)
             raise ValueError(f"line {lines.line_num} needs a number, a name and two numbers (got {given})") from None
 
 
-def _coco_rows(table: Any) -> Iterable[Row]:
-    """Yield number, joint, x and y of each visible keypoint of each annotation."""
-    annotations = table.get("annotations") if isinstance(table, Mapping) else table
-    if not isinstance(annotations, list) or not all(isinstance(one, Mapping) for one in annotations):
-        raise ValueError("it has no list of annotations")
-    images = {one.get("image_id") for one in annotations}
-    if len(images) > 1:
-        raise ValueError(f"it has annotations of {len(images)} images: keep those of this photo")
-    categories = table.get("categories") if isinstance(table, Mapping) else None
-    names = {one["id"]: one["keypoints"] for one in categories or () if one.get("keypoints")}
-    for number, one in enumerate(annotations):
-        joints = names.get(one.get("category_id"), _COCO)
-        numbers = one.get("keypoints") or ()
-        if len(numbers) not in (0, 3 * len(joints)):
-            raise ValueError(f"annotation {number} has {len(numbers)} numbers for {len(joints)} keypoints of x, y, v")
-        for row, joint in enumerate(joints):
-            x, y, visible = map(float, numbers[3 * row : 3 * row + 3] or (0, 0, 0))
-            if visible > 0:
-                yield number, str(joint), x, y
+def _given(table: KeypointTable, is_csv: bool, size: tuple[int, int]) -> GivenKeypoints:
+    """Return the keypoints that count, in px of the photo, with notes on what was left out."""
+    is_scored = table.scored or any(row[4] not in (0, 1, 2) for row in table.rows)
+    rows = [row for row in table.rows if row[4] > 0 and (is_csv or row[2:4] != (0, 0))]
+    certain = [row for row in rows if not is_scored or row[4] >= _LEAST_SCORE]
+    notes = []
+    if unsure := len(rows) - len(certain):
+        notes.append(f"left out {unsure} given keypoints whose score is below {_LEAST_SCORE:g}")
+    _check_rows(certain)
+    points = np.array([row[2:4] for row in certain], np.float64)
+    if table.size is not None and table.size != size:
+        points = (points + 0.5) * _scale(table.size, size) - 0.5
+        notes.append(
+            f"the given keypoints are in px of a picture of {table.size[0]} x {table.size[1]}, and were scaled to the "
+            f"photo's {size[0]} x {size[1]}"
+        )
+    inside: BoolArray = np.all((points >= -0.5) & (points < np.array(size) - 0.5), axis=1)
+    _check_inside(certain, points, inside, size)
+    if outside := int((~inside).sum()):
+        notes.append(f"left out {outside} given keypoints outside of the photo")
+    kept = [row for row, is_inside in zip(certain, inside.tolist(), strict=True) if is_inside]
+    people, joints, _, _, scores = zip(*kept, strict=True)
+    confidence = np.clip(np.array(scores, np.float64), 0, 1) if is_scored else None
+    return GivenKeypoints(people, joints, points[inside], is_csv, 1.0, confidence, tuple(notes))
 
 
-def _check_rows(rows: list[Row], width: int, height: int) -> None:
+def _scale(stated: tuple[int, int], size: tuple[int, int]) -> FloatArray:
+    """Return the factors from px of a stated size to px of the photo.
+
+    Raises:
+        ValueError: the shapes differ by more than rounding, or the picture is turned.
+    """
+    factors = np.array(size, np.float64) / stated
+    # A side that was rounded is off by half a pixel.
+    if abs(factors[0] / factors[1] - 1) > 1 / min(stated) + 1 / min(size):
+        raise ValueError(
+            f"they are for a picture of {stated[0]} x {stated[1]} px, and the photo has {size[0]} x {size[1]}: give "
+            "those of this photo, neither cropped nor turned"
+        )
+    return factors
+
+
+def _check_rows(rows: list[Row]) -> None:
     if not rows:
-        raise ValueError("it has no keypoints")
-    seen = set()
-    for person, joint, x, y in rows:
-        if (person, joint) in seen:
-            raise ValueError(f"the {joint} of person {person} comes twice")
-        seen.add((person, joint))
-        if not (math.isfinite(x) and math.isfinite(y) and -0.5 <= x < width - 0.5 and -0.5 <= y < height - 0.5):
-            raise ValueError(
-                f"the {joint} of person {person} at ({x:g}, {y:g}) lies outside of the photo of {width} x {height} px"
-            )
+        raise ValueError("it has no keypoints that count")
+    (person, joint), count = Counter(row[:2] for row in rows).most_common(1)[0]
+    if count > 1:
+        raise ValueError(f"the {joint} of person {person} comes twice")
+    if wrong := [row for row in rows if not (math.isfinite(row[2]) and math.isfinite(row[3]))]:
+        raise ValueError(f"the {wrong[0][1]} of person {wrong[0][0]} has no finite place")
+    if len(rows) > 1 and max(max(row[2:4]) for row in rows) < _LARGEST_SHARE_PX:
+        raise ValueError("all coordinates are below 2: these look like shares of the picture, and px are needed")
+
+
+def _check_inside(rows: list[Row], points: FloatArray, inside: BoolArray, size: tuple[int, int]) -> None:
+    if 2 * inside.sum() > len(rows):
+        return
+    at = int(np.flatnonzero(~inside)[0])
+    place = f"the {rows[at][1]} of person {rows[at][0]} at ({points[at, 0]:g}, {points[at, 1]:g})"
+    raise ValueError(
+        f"{(~inside).sum()} of {len(rows)} keypoints lie outside of the photo of {size[0]} x {size[1]} px, such as "
+        f"{place}: are they px of another picture?"
+    )

@@ -53,6 +53,7 @@ class Photo(ShortRepr):
         notes: conversions of the pixels, as text for the user.
         file_size: (width, height) of the upright file, px, if the image was downscaled while reading, otherwise None.
         digest: of the file, or of the pixels of a photo without a file; "" if it was not computed.
+        name: of the file; "" for a photo without one.
     """
 
     image: UInt8Array
@@ -60,6 +61,7 @@ class Photo(ShortRepr):
     notes: tuple[str, ...] = ()
     file_size: tuple[int, int] | None = None
     digest: str = ""
+    name: str = ""
 
 
 def read_photo(photo: PhotoSource) -> Photo:

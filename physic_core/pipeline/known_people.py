@@ -167,8 +167,9 @@ def resize_children(bodies: Bodies, model: BodyModel, known: KnownPeople) -> tup
 def corrected_keypoints(
     keypoints: Keypoints, given: GivenKeypoints, people: People
 ) -> tuple[Keypoints, BoolArray, tuple[str, ...]]:
-    """Replace detected keypoints of N people by given ones, of confidence 1, the least error and no 3D point.
+    """Replace detected keypoints of N people by given ones, of the least error and no 3D point.
 
+    Their confidence is the given one, or 1. Joints of another program's skeleton that the detector lacks are left out.
     A hand moves with its wrist and a foot with its ankle, unless their points are given too. A given point that lies
     where the detector found it changes nothing, so that a whole table of keypoints can be edited and given.
 
@@ -179,14 +180,18 @@ def corrected_keypoints(
         InputError: a given keypoint is of no person or joint of the result, or no annotation is of a person.
     """
     names = keypoints.joint_set.names
+    given, missing = _known_joints(given, names)
     columns = [_column(joint, names) for joint in given.joint]
+    scores = np.ones(len(columns)) if given.confidence is None else given.confidence
     rows, strangers = _people_of(given, people)
     points, confidence = np.array(keypoints.points), np.array(keypoints.confidence)
     world, sigma = (None if x is None else np.array(x) for x in (keypoints.world, keypoints.sigma))
     wanted, changed = np.array(points, np.float64), np.zeros(confidence.shape, bool)
-    for number, column, at in zip(given.person, columns, given.points, strict=True):
+    sure = np.ones(confidence.shape)
+    for number, column, at, score in zip(given.person, columns, given.points, scores.tolist(), strict=True):
         if (person := rows.get(number)) is not None:
             wanted[person, column] = at
+            sure[person, column] = score
             is_new = confidence[person, column] == 0 or np.abs(at - points[person, column]).max() > _SAME_PX
             changed[person, column] = is_new
     for person, column in np.argwhere(changed):
@@ -194,13 +199,15 @@ def corrected_keypoints(
         beyond = tuple(f"{side}_{part}" for part in _BEYOND.get(joint, ()))
         with_it = [j for j, name in enumerate(names) if beyond and name.startswith(beyond) and not changed[person, j]]
         points[person, with_it] += at - points[person, column]
-        points[person, column], confidence[person, column] = at, 1
+        points[person, column] = at
+        confidence[person, column] = sure[person, column]
         if sigma is not None:
             sigma[person, column] = sigma[person].min()
         if world is not None:
             world[person, [column, *with_it]] = np.nan
     corrected = replace(keypoints, points=points, confidence=confidence, world=world, sigma=sigma)
-    return corrected, changed, (_what_changed(keypoints, corrected, changed, given.file_px), *strangers)
+    what = _what_changed(keypoints, corrected, changed, given.file_px)
+    return corrected, changed, (*given.notes, *missing, what, *strangers)
 
 
 def _what_changed(before: Keypoints, after: Keypoints, changed: BoolArray, file_px: float) -> str:
@@ -214,6 +221,25 @@ def _what_changed(before: Keypoints, after: Keypoints, changed: BoolArray, file_
         f"given keypoints: {changed.sum()}; the {keypoint_in_words(after.joint_set.names[column])} of person {person} "
         f"lies {moved.max() * file_px:.0f} px from the detected one{', the others less' if changed.sum() > 1 else ''}"
     )
+
+
+def _known_joints(given: GivenKeypoints, names: Sequence[str]) -> tuple[GivenKeypoints, tuple[str, ...]]:
+    """Return the keypoints of another program without joints that the detector lacks, and a note on them.
+
+    Names that the user typed in CSV are not left out; :func:`_column` refuses them.
+    """
+    known = np.array([joint in names or f"{joint}_surface" in names for joint in given.joint])
+    if given.numbered or known.all() or not known.any():
+        return given, ()
+    kept = np.flatnonzero(known).tolist()
+    chosen = replace(
+        given,
+        person=tuple(given.person[i] for i in kept),
+        joint=tuple(given.joint[i] for i in kept),
+        points=given.points[known],
+        confidence=None if given.confidence is None else given.confidence[known],
+    )
+    return chosen, (f"left out {(~known).sum()} given keypoints of joints that the keypoint detector does not have",)
 
 
 def _column(joint: str, names: Sequence[str]) -> int:

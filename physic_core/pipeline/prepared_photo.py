@@ -76,7 +76,9 @@ def prepare_photo(
         people = PeoplePrompt(settings.person, settings.box)
     prompt = None if people is None else resize_prompt(check_prompt(people, *file_size), file_size, (width, height))
     sizes = settings.known_sizes(known).resized(width / file_size[0], height / file_size[1])
-    keypoints = None if settings.keypoints is None else read_keypoints(settings.keypoints, *file_size)
+    keypoints = None
+    if settings.keypoints is not None:
+        keypoints = read_keypoints(settings.keypoints, file_size[0], file_size[1], photo.name)
     if keypoints is not None:
         keypoints = keypoints.moved(lambda pixels: (pixels + 0.5) * np.divide((width, height), file_size) - 0.5)
         keypoints = replace(keypoints, file_px=file_size[0] / width)

@@ -198,7 +198,7 @@ class Pipeline:
         camera, plan, path = given.camera(), self._plan_with(settings), photo_path_for_messages(source)
         with self._exclusive(), _naming(path):
             with limited_memory(self.config.run.device):
-                photo = read_photo(source)
+                photo = replace(read_photo(source), name=Path(path).name)
             if camera is not None and (camera.width, camera.height) == photo.file_size:
                 camera = camera.resized(*photo.image.shape[1::-1])  # the file was reduced while it was read
             if camera is not None:
@@ -211,7 +211,7 @@ class Pipeline:
                     if resolved is not self._plan.backends[name]:
                         self._loaded.close(resolved)
             width, height = photo.file_size or photo.image.shape[1::-1]
-            return replace(found, photo=photo.digest, photo_name=Path(path).name, file_size=(width, height))
+            return replace(found, photo=photo.digest, photo_name=photo.name, file_size=(width, height))
 
     def _plan_with(self, settings: Mapping[str, Any] | None) -> ResolvedPipeline:
         """Return the plan with other values in the table ``[photo]``, and backends that read its files."""

@@ -142,10 +142,11 @@ def test_keypoints_that_are_given_as_they_were_detected_change_nothing(tmp_path:
         ("person,joint,x,y\n0,left_wrist,1\n", "a.csv", "line 2"),
         ("person,joint,x,y\n", "a.csv", "no keypoints"),
         ("person,joint,x,y\n0,left_wrist,900,2\n", "a.csv", "160 x 120 px"),
+        ("person,joint,x,y\n0,nose,.4,.5\n0,left_wrist,.5,.4\n", "a.csv", "shares"),
         ("person,joint,x,y\n0,left_wrist,1,2\n0,left_wrist,1,3\n", "a.csv", "twice"),
         ("{", "a.json", "COCO JSON"),
-        ("{}", "a.json", "no list of annotations"),
-        ('[{"image_id": 1, "keypoints": [1, 2]}]', "a.json", "2 numbers for 17 keypoints"),
+        ("{}", "a.json", "form is not known"),
+        ('[{"image_id": 1, "keypoints": [1, 2]}]', "a.json", "2 numbers for 17, 23, 26 or 133"),
         ('[{"image_id": 1}, {"image_id": 2}]', "a.json", "2 images"),
     ],
 )
