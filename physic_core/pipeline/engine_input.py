@@ -125,19 +125,21 @@ def _trust(camera: Intrinsics) -> int:
 
 
 def sized_scene(estimates: Estimates, masks: Tensor, scene: SceneState) -> KnownScene | None:
-    """Return the scene scaled by the user's known sizes; None if no size is known.
+    """Return the scene scaled by the user's known sizes or a measured depth; None without either.
 
     Args:
         masks: (B, H, W) bool, visible pixels of each person.
         scene: of stage 1.
     """
-    if not estimates.known:
+    measured = estimates.measured_scale
+    if not estimates.known and measured is None:
         return None
     from physic_core.engine.sizes.known_sizes import scale_scene_to_known_sizes
 
     people = len(estimates.people)
     statures = [math.nan] * people if estimates.statures is None else estimates.statures.tolist()
-    return scale_scene_to_known_sizes(estimates.known, statures, masks, scene)
+    by_depth = None if measured is None else measured.evidence
+    return scale_scene_to_known_sizes(estimates.known, statures, masks, scene, by_depth)
 
 
 def joint_problem(

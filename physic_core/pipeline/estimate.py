@@ -64,6 +64,7 @@ if TYPE_CHECKING:
     from physic_core.configuration.resolve import ResolvedBackend, ResolvedPipeline
     from physic_core.engine.joint.problem import OtherView
     from physic_core.engine.settings import EngineSettings
+    from physic_core.engine.sizes.evidence import MeasuredScale
     from physic_core.engine.stance import Stance
     from physic_core.geometry.floor import FloorSearch
     from physic_core.io.keypoint_file import GivenKeypoints
@@ -98,6 +99,7 @@ class Estimates(ShortRepr):
         objects: (K, H, W) bool, visible pixels of objects in hands and on laps; None if the segmenter does not detect
             objects.
         ages: (N,) known ones, years, NaN where unknown; None if no age is known.
+        measured_scale: of the scene by a measured metric depth; ``depth`` then has the scale of the people.
         scale_guess: warning that the scale of ``depth`` is a guess, or "".
         views: what other cameras show of the same people.
         given_keypoints: (N, J), which of ``keypoints`` the user gave; None if none.
@@ -120,6 +122,7 @@ class Estimates(ShortRepr):
     depth: DepthMap
     missing_results: tuple[tuple[str, ...], ...] = ()
     known: KnownSizes = field(default_factory=KnownSizes)
+    measured_scale: MeasuredScale | None = None
     statures: FloatArray | None = None
     objects: BoolArray | None = None
     ages: FloatArray | None = None
@@ -228,6 +231,7 @@ def run_backends(
         ages=known.years,
         scale_guess=found.warning if own is None and depth.scale_sigma is None else "",
         known=sizes,
+        measured_scale=found.measured,
         statures=known.stature,
         given_keypoints=changed,
         file_px=1.0 if given_keypoints is None else given_keypoints.file_px,

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.engine.floor import FloorCandidate, FloorEvidence
     from physic_core.engine.scene.method import SceneMethod
+    from physic_core.engine.sizes.evidence import MeasuredScale
     from physic_core.engine.sizes.scale_vote import ScaleVote, Witnesses
     from physic_core.engine.stance import Stance
     from physic_core.geometry.floor import FloorSearch
@@ -60,6 +61,7 @@ class FloorAndScale:
         warning: that the scale is a guess, or "".
         stance: of the N people.
         depth: the given metric depth, at this scale; None without one, and if no size of a person gives the scale.
+        measured: scale by that depth if it was measured; this scale is then that of the people alone.
     """
 
     search: FloorSearch
@@ -68,6 +70,7 @@ class FloorAndScale:
     warning: str
     stance: Stance
     depth: DepthMap | None = None
+    measured: MeasuredScale | None = None
 
 
 def floor_evidence(people: People, hole: BoolArray, keypoints: Keypoints) -> FloorEvidence:
@@ -137,10 +140,10 @@ def find_floor_and_scale(
         evidence: of the floor.
         given: of the same photo.
         model: of the bodies.
-        depth: metric depth of the scene with a scale of its own, which votes, too.
+        depth: metric depth of the scene with a scale of its own: it votes, too, or decides if it was measured.
     """
     from physic_core.engine.floor import chosen_floor
-    from physic_core.engine.sizes.evidence import depth_witness, rescaled_depth
+    from physic_core.engine.sizes.evidence import depth_witness, is_measured, measured_scale, rescaled_depth
     from physic_core.engine.sizes.scale_vote import vote_on_scale
 
     seen, scene = _people_seen(given, model), given.scene
@@ -148,7 +151,8 @@ def find_floor_and_scale(
     scores, kinds = [p.log_score for p in planes], [(p.soles, p.camera) for p in planes]
     shift_sigma = scene.shift_sigma if scene.unknown == "inverse_scale_shift" else None
     own = None if depth is None else depth_witness(depth, scene, given.camera, seen.torsos)
-    anywhere = [seen.torsos, _usual_depth(scene), *([] if own is None else [own])]
+    decides = depth is not None and is_measured(depth)
+    anywhere = [seen.torsos, _usual_depth(scene), *([] if own is None or decides else [own])]
     vote = vote_on_scale(anywhere, kinds, scores, shift_sigma or 0.0)
     best = int(np.argmax(scores if vote is None else vote.weights))
     search, soles = chosen_floor(candidates, best, evidence), planes[best].soles
@@ -160,7 +164,8 @@ def find_floor_and_scale(
     stance = replace(seen.stance, stands=np.where(seen.feet, stands, seen.stance.stands))
     notes = _notes(vote, soles, seen.torsos, seen.feet & (stance.stands > _STANDS))
     rescaled = None if depth is None or own is None else rescaled_depth(depth, own, vote, notes)
-    return FloorAndScale(search, plane, replace(vote.scale, notes=notes), "", stance, rescaled)
+    measured = measured_scale(depth, own, vote) if depth is not None and own is not None and decides else None
+    return FloorAndScale(search, plane, replace(vote.scale, notes=notes), "", stance, rescaled, measured)
 
 
 class _Seen(NamedTuple):

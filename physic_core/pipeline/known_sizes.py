@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body.posture import standing_legs
-from physic_core.engine.sizes.evidence import CONTRADICTION
+from physic_core.engine.sizes.evidence import CONTRADICTION, likely_unit
 from physic_core.engine.sizes.known_sizes import size_beside_others
 from physic_core.engine.sizes.stature import STATURES_M, stature_sigmas
 from physic_core.errors import ConfigError
@@ -49,6 +49,7 @@ def check_placed_people(
     statures, _ = KnownPeople(stature=estimates.statures).filled(len(ratio))
     shown_m = bodies.model.stature(bodies.betas) * ratio
     impossible, surely, measured = [], [], 0
+    limit = CONTRADICTION if estimates.measured_scale is None else 0.0
     for i, (stature, shown) in enumerate(zip(statures.tolist(), shown_m.tolist(), strict=True)):
         if abs(math.log(shown / stature)) > CONTRADICTION:
             raise ConfigError(
@@ -59,12 +60,12 @@ def check_placed_people(
             measured += 1
             excess = max(math.log(shown / most), math.log(least / shown))
             impossible += [f"person {i} as {shown:.2f} m tall"] if excess > 0 else []
-            surely += [i] if excess > CONTRADICTION else []
+            surely += [i] if excess > limit else []
     if 2 * len(surely) > measured:
         raise ConfigError(
             f"the photo contradicts {sizes}: in a scene of that size it shows {', '.join(impossible)}; beside people "
             f"of usual stature it shows {_scene_sizes(known.geometry, 1 / float(ratio[surely].median()))}. "
-            "Correct the size, or leave it out"
+            f"Correct the size, or leave it out{_unit_question(estimates)}"
         )
     return [
         f"in a scene of the given size the photo shows {person}: check the size, and in the preview whether the floor "
@@ -73,11 +74,22 @@ def check_placed_people(
     ]
 
 
+def _unit_question(estimates: Estimates) -> str:
+    """Return a question about the unit of a measured depth, or ""."""
+    if estimates.measured_scale is None:
+        return ""
+    factor = estimates.measured_scale.factor
+    return f"; the depth is {factor:.3g} times that by the people: {likely_unit(factor)}"
+
+
 def _scene_sizes(known: KnownGeometry, factor: float = 1.0) -> str:
     """Name the camera height and the lengths on the scene, times a factor."""
     lengths = known.distances.metres[(known.distances.person < 0).all(1)].tolist()
     height = [] if known.camera_height is None else [f"the camera height {known.camera_height * factor:.3g} m"]
-    return " and ".join(height + [f"the known length of {metres * factor:.3g} m" for metres in lengths])
+    depth = []
+    if known.depth_sigma is not None:
+        depth = ["the given depth" if factor == 1 else f"{factor:.3g} of the given depth"]
+    return " and ".join(depth + height + [f"the known length of {metres * factor:.3g} m" for metres in lengths])
 
 
 def compare_sizes(

@@ -87,6 +87,7 @@ def case(**changes: Any) -> tuple[Any, Any]:
     evidence = SimpleNamespace(
         bodies=SimpleNamespace(observed=observed),
         views=(),
+        measured_scale=None,
         stance=replace(Stance.unknown(1), stands=np.array([known["stands"]])),
         depth=SimpleNamespace(intrinsics=None),
         missing_results=(known["lost"],),

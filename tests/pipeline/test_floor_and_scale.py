@@ -197,8 +197,10 @@ def test_a_metric_depth_of_small_error_keeps_its_metres(world):
     places = world.given.bodies.parameters
     bodies = replace(world.given.bodies, parameters=replace(places, transl=places.transl * 1.3))
     found = world.with_depth(1.0, 0.01, bodies=bodies)
-    assert np.nanmedian(found.depth.depth / world.depth) == pytest.approx(1, abs=0.02)
-    assert found.depth.scale_sigma < 0.05
+    assert found.measured is not None
+    in_result = found.depth.depth * found.measured.factor
+    assert np.nanmedian(in_result / world.depth) == pytest.approx(1, abs=0.02)
+    assert found.measured.evidence.sigma == pytest.approx(0.01)
 
 
 def test_people_and_a_metric_depth_of_like_errors_meet_between_them(world):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from physic_core import KnownSizes, load_config, reconstruct
+from physic_core.errors import ConfigError
 from physic_mock.depths import MockRelativePointmap
 from physic_testing.worlds import World
 
@@ -30,7 +31,33 @@ def test_a_measured_depth_gives_the_metres_whatever_the_size_of_the_bodies(world
     settings = ("body_estimator.options.noise=1", "body_estimator.options.stature_bias=0.15")
     found = run(world, "metric_depth.options.stated_sigma=0.01", *settings)
     assert camera_height(found, world) == pytest.approx(1, abs=0.04)
-    assert any("metric depth counts beside them" in note for note in found.notes)
+    assert any("measured depth gives the scale" in note for note in found.notes)
+
+
+def test_people_follow_a_measured_depth(world: World) -> None:
+    one, larger = (
+        run(world, "metric_depth.options.stated_sigma=0.01", f"metric_depth.options.scale={scale}")
+        for scale in (1, 1.15)
+    )
+    assert camera_height(larger, world) / camera_height(one, world) == pytest.approx(1.15, abs=0.015)
+    for before, after in zip(one.people, larger.people, strict=True):
+        assert after.stature / before.stature == pytest.approx(1.15, abs=0.05)
+    assert larger.scene.scale_sigma == pytest.approx(0.01, abs=0.005)
+
+
+def test_a_measured_depth_that_people_contradict_is_followed_with_a_warning(world: World) -> None:
+    found = run(world, "metric_depth.options.stated_sigma=0.01", "metric_depth.options.scale=0.65")
+    assert camera_height(found, world) == pytest.approx(0.65, abs=0.03)
+    assert any("given depth" in warning for warning in found.warnings)
+    assert found.grade != "good"
+
+
+@pytest.mark.parametrize(("scale", "unit"), [(5, "1/5000 m"), (3.281, "feet"), (0.2, "optical axis")])
+def test_a_depth_by_which_people_are_no_people_is_refused_with_its_likely_unit(
+    world: World, scale: float, unit: str
+) -> None:
+    with pytest.raises(ConfigError, match=unit):
+        run(world, "metric_depth.options.stated_sigma=0.01", f"metric_depth.options.scale={scale}")
 
 
 def test_people_correct_a_metric_depth_that_is_far_off(world: World) -> None:

@@ -36,6 +36,9 @@ FACTOR_SPREAD = 0.05
 CONTRADICTION = 3 * FACTOR_SPREAD
 """Difference of logarithms beyond which the photo contradicts a given size: three standard errors."""
 
+MEASURED_SIGMA = 0.05
+"""Largest stated error of log(scale) of a metric depth that counts as measured: it decides, and people follow it."""
+
 DEPTH_SCALE_SIGMA = 0.1
 """Standard deviation of log(scale) of a metric depth whose backend states none."""
 
@@ -68,6 +71,49 @@ class ScaleEvidence:
     def by_known_size(cls, metres: float, shown: float) -> ScaleEvidence:
         """Return the evidence of a known size, by the size that it has in the scene."""
         return cls(math.log(metres / shown), KNOWN_SCALE_SIGMA)
+
+
+@dataclass(frozen=True)
+class MeasuredScale:
+    """Scale of a scene by a depth that was measured, beside its scale by people.
+
+    Attributes:
+        evidence: of the factor from the scale by people to that of the depth.
+        people_sigma: standard deviation of log(scale) by people.
+    """
+
+    evidence: ScaleEvidence
+    people_sigma: float
+
+    @property
+    def factor(self) -> float:
+        """Size of the scene by the depth, over that by people."""
+        return math.exp(self.evidence.log_scale)
+
+    @property
+    def sigmas(self) -> float:
+        """Difference of both logarithms in standard deviations."""
+        return abs(self.evidence.log_scale) / math.hypot(self.evidence.sigma, self.people_sigma)
+
+
+_UNITS = {
+    1000.0: "is it in millimetres?",
+    100.0: "is it in centimetres?",
+    3.281: "is it in feet?",
+    5.0: "is its unit 1/5000 m, as in TUM's data sets?",
+    1 / 3.906: "is its unit 1/256 m, as in KITTI's data sets?",
+    0.001: "was it converted to metres twice?",
+    10.0: "is its unit 1/10000 m?",
+}
+_UNIT_SPREAD = 0.2  # of the logarithm of a ratio that a unit explains: statures and poses vary
+
+
+def likely_unit(factor: float) -> str:
+    """Return a question about the unit of a depth that is too large by a factor."""
+    nearest = min(_UNITS, key=lambda unit: abs(math.log(factor / unit)))
+    if abs(math.log(factor / nearest)) < _UNIT_SPREAD:
+        return _UNITS[nearest]
+    return "is it along the optical axis, in metres, and not a disparity, which is larger where things are near?"
 
 
 def combine(evidence: Sequence[ScaleEvidence]) -> ScaleEvidence | None:
@@ -210,9 +256,24 @@ def depth_witness(depth: DepthMap, scene: Pointmap, camera: Intrinsics, torsos: 
     return Witnesses(np.array([scale]), np.array([np.nan]), np.array([sigma]), np.array([sure]), 0.0)
 
 
+def is_measured(depth: DepthMap) -> bool:
+    """Return whether a metric depth states so small an error that it decides the scale."""
+    return depth.scale_sigma is not None and depth.scale_sigma <= MEASURED_SIGMA
+
+
+def measured_scale(depth: DepthMap, witness: Witnesses, vote: ScaleVote) -> MeasuredScale:
+    """Compare a measured depth with a vote in which it took no part."""
+    assert depth.scale_sigma is not None
+    by_depth = ScaleEvidence(float(vote.residuals(witness)[0]), depth.scale_sigma)
+    return MeasuredScale(by_depth, vote.scale.sigma or DEPTH_SCALE_SIGMA)
+
+
 def rescaled_depth(depth: DepthMap, witness: Witnesses, vote: ScaleVote, notes: Sequence[str]) -> DepthMap:
     """Return a metric depth at the scale of a vote in which it took part, with notes about the other witnesses."""
     factor = math.exp(-float(vote.residuals(witness)[0]))
-    own = f"the metric depth counts beside them, and was multiplied by {factor:.2f}"
+    own = f"the metric depth counts beside them, and was multiplied by {factor:.3g}"
+    if is_measured(depth):
+        own = f"the measured depth gives the scale, {1 / factor:.3g} times that of the people, who follow it"
+        notes = ()
     scaled = np.asarray(depth.depth * factor, np.float32)
     return replace(depth, depth=scaled, scale_sigma=vote.scale.sigma, notes=(*depth.notes, *notes, own))

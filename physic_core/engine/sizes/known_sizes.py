@@ -176,6 +176,7 @@ class KnownGeometry(ShortRepr):
         stature: (B,), NaN where unknown.
         camera_height: over the floor, or None.
         distances: between points of the scene or of people.
+        depth_sigma: error of log(scale) of a measured depth that gave the scale, or None.
         unused: per given length without a point at one of its pixels, its position.
     """
 
@@ -183,6 +184,7 @@ class KnownGeometry(ShortRepr):
     camera_height: float | None
     distances: KnownDistances
     unused: tuple[int, ...] = ()
+    depth_sigma: float | None = None
 
     def select_people(self, rows: Tensor) -> KnownGeometry:
         """Return the sizes of a selection of the people, (n,) int64; distances on other people are skipped."""
@@ -217,7 +219,11 @@ class KnownScene(ShortRepr):
 
 
 def scale_scene_to_known_sizes(
-    known: KnownSizes, stature: Sequence[float], masks: Tensor, scene: SceneState
+    known: KnownSizes,
+    stature: Sequence[float],
+    masks: Tensor,
+    scene: SceneState,
+    by_depth: ScaleEvidence | None = None,
 ) -> KnownScene:
     """Scale the scene to known sizes, if they give its scale.
 
@@ -228,9 +234,13 @@ def scale_scene_to_known_sizes(
         stature: (B,) metres, NaN where unknown.
         masks: (B, H, W) bool. A pixel in a mask is on that person, the smallest one where masks overlap.
         scene: stage 1.
+        by_depth: of the factor on the scene by a measured depth, or None.
     """
     geometry = _known_geometry(known, stature, masks, scene)
     evidence = []
+    if by_depth is not None:
+        geometry = replace(geometry, depth_sigma=by_depth.sigma)
+        evidence.append(by_depth)
     if known.camera_height is not None and scene.floor is not None:
         evidence.append(ScaleEvidence.by_known_size(known.camera_height, scene.floor.offset))
     d = geometry.distances

@@ -20,6 +20,8 @@ from physic_core.pipeline.checks.spec import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.solution import Solution
     from physic_core.types import CheckResult
@@ -38,9 +40,16 @@ __all__ = [
 
 def run_checks(estimates: Estimates, solution: Solution) -> tuple[CheckResult, ...]:
     """Run all self-checks, first of the photo, then of each person, in the order of ``CHECKS``."""
-    found = [spec.compare(spec.measure(estimates, solution)) for spec in CHECKS.values() if spec.of == "photo"]
+    of_photo = (spec for spec in CHECKS.values() if spec.of == "photo")
+    found = _measured((spec, spec.compare(spec.measure(estimates, solution))) for spec in of_photo)
     for person in range(len(solution.people)):
         of_person = (spec for spec in CHECKS.values() if spec.of == "person")
-        results = [(spec, spec.compare(spec.measure(estimates, solution, person), person)) for spec in of_person]
-        found += [result for spec, result in results if result.value is not None or not spec.optional]
+        found += _measured(
+            (spec, spec.compare(spec.measure(estimates, solution, person), person)) for spec in of_person
+        )
     return tuple(found)
+
+
+def _measured(results: Iterable[tuple[CheckSpec, CheckResult]]) -> list[CheckResult]:
+    """Return the results without those of optional checks for which nothing was measured."""
+    return [result for spec, result in results if result.value is not None or not spec.optional]

@@ -126,6 +126,26 @@ def depth_vs_bodies(estimates: Estimates, solution: Solution) -> Measured:
     )
 
 
+@_check(
+    "Given depth differs from the sizes of people",
+    at_most=3,
+    unit="sigma",
+    unmeasured="no depth was measured",
+    optional=True,
+)
+def given_depth(estimates: Estimates, solution: Solution) -> Measured:
+    """Return the difference of the scales by a measured depth and by people, in standard deviations."""
+    measured = estimates.measured_scale
+    if measured is None:
+        return None
+    from physic_core.engine.sizes.evidence import likely_unit
+
+    return measured.sigmas, (
+        f"by the given depth everything is {measured.factor:.3g} times as large as the people suggest, and it was "
+        f"followed: {likely_unit(measured.factor)}"
+    )
+
+
 @_check("Camera axis off the photo's centre", at_most=0.15, share_of="the photo's size")
 def principal_point(estimates: Estimates, solution: Solution) -> Measured:
     """Return the distance of the principal point from the centre, as a share of the photo's width or height."""

@@ -209,6 +209,8 @@ class KnownSizeTerm(Term):
         if known.camera_height is not None and self._floor_offset:
             height = estimate.log_scale + math.log(self._floor_offset / known.camera_height)
             shared = shared + (height / KNOWN_SIZE_SIGMA).square()
+        if known.depth_sigma is not None:
+            shared = shared + (estimate.log_scale / KNOWN_SIZE_SIGMA).square()
         extents = known.distances.measure(self._ends, bodies.vertices, estimate.log_scale.exp())
         for extent, metres in zip(extents, known.distances.metres, strict=False):
             shared = shared + ((extent.clamp(min=1e-3) / metres).log() / KNOWN_SIZE_SIGMA).square()
