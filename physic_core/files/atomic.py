@@ -47,12 +47,17 @@ class AtomicWrite:
         return self._parts.setdefault(name, self._folder / f".{name.replace('/', '.')}.{self._token}.physic-part")
 
     def rename(self) -> None:
-        """Give the files that were written so far their names, in the order of the calls."""
-        for name, part in self._parts.items():
+        """Give the files that were written so far their names, in the order of the calls.
+
+        After an error or an interruption, another call renames the rest.
+        """
+        for name, part in list(self._parts.items()):
             path = self._folder / name
             path.parent.mkdir(exist_ok=True)
-            os.replace(part, path)
-        self._parts.clear()
+            # A part that is missing was renamed by a call that was interrupted.
+            with suppress(FileNotFoundError):
+                os.replace(part, path)
+            del self._parts[name]
 
     def clean(self) -> None:
         """Delete the files that have no names."""

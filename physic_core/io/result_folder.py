@@ -115,16 +115,16 @@ def write_result_files(
         check_overwrite(folder, replaced, [DOCUMENT_FILE, *contents])
         unchanged, edited = _earlier_files(folder, replaced)
         new = _write_parts(folder, write, document, contents)
-        with suppress(FileNotFoundError):
-            os.replace(folder / DOCUMENT_FILE, _part(folder))
-        for name in edited:
-            _keep(folder / name)
-        for name in unchanged - {DOCUMENT_FILE, *contents}:
-            (folder / name).unlink()
-            if "/" in name:
-                with suppress(OSError):  # other files are in the folder
-                    (folder / name).parent.rmdir()
-        _rename(folder, write, new)
+        to_keep, gone = list(edited), unchanged - {DOCUMENT_FILE, *contents}
+        try:
+            with suppress(FileNotFoundError):
+                os.replace(folder / DOCUMENT_FILE, _part(folder))
+            _swap(folder, write, new, to_keep, gone)
+        except BaseException:
+            # Without a document nothing is readable, so the new result is made whole before the error is raised.
+            if not (folder / DOCUMENT_FILE).exists():
+                _swap(folder, write, new, to_keep, gone)
+            raise
 
 
 def add_result_file(folder: Path, name: str, content: bytes) -> None:
@@ -176,9 +176,32 @@ def _write_parts(folder: Path, write: AtomicWrite, document: Mapping[str, Any], 
     return new
 
 
+def _swap(folder: Path, write: AtomicWrite, new: Path, to_keep: list[str], gone: Iterable[str]) -> None:
+    """Put the files of a new result in the place of an earlier one; after an interruption, another call goes on.
+
+    Args:
+        folder: of the result.
+        write: of the new files.
+        new: temporary path of the new document.
+        to_keep: files that the user edited; those that are done are removed from the list.
+        gone: files of the earlier result that the new one does not have.
+    """
+    while to_keep:
+        if os.path.lexists(folder / to_keep[-1]):
+            _keep(folder / to_keep[-1])
+        to_keep.pop()
+    for name in gone:
+        (folder / name).unlink(missing_ok=True)
+        if "/" in name:
+            with suppress(OSError):  # other files are in the folder
+                (folder / name).parent.rmdir()
+    _rename(folder, write, new)
+
+
 def _rename(folder: Path, write: AtomicWrite, new: Path) -> None:
     write.rename()
-    os.replace(new, folder / DOCUMENT_FILE)
+    with suppress(FileNotFoundError):  # a call that was interrupted has renamed it
+        os.replace(new, folder / DOCUMENT_FILE)
     for part in folder.glob(_PARTS):
         part.unlink(missing_ok=True)
 

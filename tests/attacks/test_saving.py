@@ -158,6 +158,16 @@ def test_a_write_happens_completely_or_not_at_all(operation: Any, how: str, tmp_
     assert seen - {"new"} == ({"old", REFUSED} if operation in RESULTS and how == "killed" else {"old"})
 
 
+@pytest.mark.parametrize("how", ["interrupted", "failing"])
+@pytest.mark.parametrize("operation", [save, save_compact, save_moment])
+def test_over_an_old_result_an_interruption_leaves_one_that_can_be_read(operation: Any, how: str, tmp_path: Path):
+    made(operation, tmp_path / "old", OLD)
+    marks = set()
+    for folder in interruptions(operation, tmp_path / "old", tmp_path, how):
+        marks.add(mark(load_reconstruction(folder)))
+    assert marks == {mark(OLD), mark(NEW)}
+
+
 @pytest.mark.parametrize("how", ["killed", "interrupted", "full"])
 @pytest.mark.parametrize("before", [save, add_page])
 def test_a_page_that_is_interrupted_at_any_step_costs_no_result(before: Any, how: str, tmp_path: Path):

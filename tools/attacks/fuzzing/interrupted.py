@@ -25,7 +25,8 @@ class Steps:
         folder: whose files count.
         last: number of the step that fails; None for a count only.
         how: "killed": the step and all after it do nothing. "full": this one step raises OSError, and only writes are
-            steps. "interrupted": this one step raises KeyboardInterrupt, as Ctrl-C does.
+            steps. "failing": this one step raises OSError, whatever it is. "interrupted": this one step raises
+            KeyboardInterrupt, as Ctrl-C does.
     """
 
     def __init__(self, folder: Path, last: int | None = None, how: str = "killed") -> None:
@@ -44,7 +45,7 @@ class Steps:
             self.writes.setdefault(str(path), []).append(self.count)
         if self.count == self.last:
             self.count += 1
-            if self.how == "full":
+            if self.how in ("full", "failing"):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             if self.how == "interrupted":
                 raise KeyboardInterrupt
