@@ -12,7 +12,7 @@ from starlette.datastructures import Headers, MutableHeaders, UploadFile
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.middleware.trustedhost import TrustedHostMiddleware
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import FileResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
@@ -75,6 +75,12 @@ def make_app(jobs: Jobs, hosts: Collection[str], examples: Mapping[str, Path]) -
         return _TEMPLATES.TemplateResponse(request, "start.html", values)
 
     async def upload(request: Request) -> Response:
+        try:
+            return await take(request)
+        except ClientDisconnect:  # the browser broke the upload off: nobody reads the answer
+            return Response(status_code=400)
+
+    async def take(request: Request) -> Response:
         async with request.form(max_files=1, max_fields=8) as form:
             file, example = form.get("photo"), str(form.get("example", ""))
             if isinstance(file, UploadFile):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import socket
 import sys
 import tempfile
 from contextlib import closing
@@ -13,6 +14,7 @@ import click
 
 from physic_core.cli.arguments import configuration_options
 from physic_core.cli.output import echo
+from physic_core.errors import ConfigError
 
 _LOCAL = ("localhost", "127.0.0.1", "[::1]")
 _EXPORTS = ("glb", "bvh", "usd", "mjcf")  # about 2 s of one core and 10 MB for two people; not ply (46 MB) and obj
@@ -57,22 +59,45 @@ def serve(
     formats = _formats(exports)
     parent = check_writable(folder or tempfile.gettempdir())
     _end_at_signals()
+    address = f"[{host}]" if ":" in host else host
+    listening = _listen(host, port)  # before the models are loaded, which takes long
     own = tempfile.TemporaryDirectory(prefix="physic-serve-", dir=parent, ignore_cleanup_errors=True)
-    with own as place:
+    with closing(listening), own as place:
         tempfile.tempdir = place  # for parts of forms
         echo("loading the models", err=True)
         with closing(Jobs(Path(place), partial(Worker, config, formats))) as jobs:
-            address = f"[{host}]" if ":" in host else host
             if address not in _LOCAL:
                 echo(f"warning: whoever reaches {host} can use this server: it has no password", err=True)
             app = make_app(jobs, (*_LOCAL, address, *allow_host), example_photos())
             settings = uvicorn.Config(
                 app, host, port, ws="none", lifespan="off", log_level="warning", timeout_graceful_shutdown=2
             )
-            listening = settings.bind_socket()
-            listening.listen()  # clients may connect as soon as they read the address
             echo(f"http://{address}:{listening.getsockname()[1]}/  (Ctrl-C ends it)")
             uvicorn.Server(settings).run([listening])
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    """Return a socket that listens at an address.
+
+    Raises:
+        ConfigError: the host is unknown, or the port is in use or not allowed.
+    """
+    try:
+        family, _, _, _, place = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
+    except socket.gaierror as error:
+        raise ConfigError(f"--host {host} is no address of this computer: {error.strerror}") from error
+    made = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        made.bind(place)
+        made.listen()
+    except OSError as error:
+        made.close()
+        raise ConfigError(
+            f"cannot listen at --host {host} --port {port}: {error.strerror}; another server may run there: give "
+            "another --port, or 0 for any free one"
+        ) from error
+    return made
 
 
 def example_photos() -> dict[str, Path]:
