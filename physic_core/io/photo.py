@@ -187,6 +187,17 @@ def check_image(image: Any) -> UInt8Array:
     return np.ascontiguousarray(image)
 
 
+_NEW_SUBFILE_TYPE, _DNG_VERSION = 254, 50706  # tags of TIFF and of DNG
+
+
+def _is_raw(image: Image.Image) -> bool:
+    """Return whether a TIFF is a raw file (DNG, NEF and others), whose first image is a reduced copy of another."""
+    if image.format != "TIFF":
+        return False
+    tags = getattr(image, "tag_v2", {})
+    return bool(int(tags.get(_NEW_SUBFILE_TYPE, 0)) & 1) or _DNG_VERSION in tags
+
+
 def _is_grey_or_rgba(image: object) -> bool:
     """Return whether an image is an array of uint8, (H, W), (H, W, 1) or (H, W, 4)."""
     if not isinstance(image, np.ndarray) or image.dtype != np.uint8 or image.ndim not in (2, 3):
@@ -203,6 +214,11 @@ def _read(image: Image.Image, source: ImageSource) -> Photo:
         )
     if image.mode == "F":
         raise InputError(f"cannot use the {source}: its pixels are floating point; save it with 8 bits per channel")
+    if _is_raw(image):
+        raise InputError(
+            f"cannot use the {source}: it is a raw file of a camera, of which only a thumbnail can be read: develop it "
+            "first, and give the JPEG, TIFF or PNG"
+        )
     notes = list(_frame_notes(image))
     xmp = image.info.get("xmp") or image.info.get("XML:com.adobe.xmp") or ""
     deep = _is_deep(image)  # before decoding, which discards the mode of the file

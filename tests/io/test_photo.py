@@ -97,6 +97,7 @@ REFUSED = {
     "counts.tiff": (lambda path: saved(np.full((HEIGHT, WIDTH), 1 << 20, np.int32), path), "32 bits"),
     "panorama.jpg": (lambda path: saved(WIDE, path, xmp=XMP), "equirectangular"),
     "panorama.webp": (lambda path: saved(WIDE, path, xmp=XMP), "equirectangular"),
+    "raw.dng.tif": (lambda path: saved(np.zeros((HEIGHT, WIDTH, 3), np.uint8), path, tiffinfo={254: 1}), "develop"),
     "panorama.tif": (lambda path: saved(WIDE, path, tiffinfo={700: XMP}), "equirectangular"),
 }
 

@@ -68,6 +68,7 @@ _EXR_HEADER = 1 << 20  # a usual one has 400 bytes
 _EXR_VALUE_BYTES = 4  # of OpenCV, for every kind of channel
 _MAX_BYTES = 1_300_000_000  # of a map in memory
 _GREY = ("L", "I", "F", "I;16", "I;16L", "I;16B")
+_PATCH_PX = 14  # of DINOv2, on which depth networks are built
 _ASPECT_TOLERANCE = 0.01  # of the aspect ratio: one pixel of rounding in a map 100 px high
 
 
@@ -165,7 +166,10 @@ def resize_nearest(
     rows, columns = values.shape[:2]
     if (rows, columns) == (height, width):
         return values, ()
-    if abs(math.log((columns / rows) / (width / height))) > _ASPECT_TOLERANCE:
+    if (
+        not _is_rounded(rows, columns, height, width)
+        and abs(math.log((columns / rows) / (width / height))) > _ASPECT_TOLERANCE
+    ):
         raise InputError(
             f"{path} is of {columns} x {rows} px, another aspect ratio than that of the photo, {width} x {height} px: "
             "give a map of the same photo, upright and not cropped"
@@ -174,6 +178,14 @@ def resize_nearest(
     x = np.minimum(((np.arange(width) + 0.5) * columns / width).astype(int), columns - 1)
     note = f"{path.name} was resized from {columns} x {rows} to {width} x {height} px, each pixel from the nearest one"
     return np.ascontiguousarray(values[y][:, x]), (note,)
+
+
+def _is_rounded(rows: int, columns: int, height: int, width: int) -> bool:
+    """Return whether a map has the photo's sides at one scale, rounded to the patches of a network."""
+    if rows % _PATCH_PX or columns % _PATCH_PX:
+        return False
+    scale = math.sqrt(columns * rows / (width * height))
+    return max(abs(columns - scale * width), abs(rows - scale * height)) <= _PATCH_PX / 2
 
 
 def _require(path: Path, what: str) -> None:

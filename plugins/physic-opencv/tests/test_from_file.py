@@ -14,7 +14,7 @@ import pytest
 from physic_core import InputError, Pipeline, WeightsMissingError, load_config, reconstruct
 from physic_core.errors import PackageMissingError
 from physic_core.types import Hints
-from physic_opencv.depth_files import read_depth
+from physic_opencv.depth_files import read_depth, resize_nearest
 from physic_opencv.from_file import DepthFile, DepthFileOptions, PointmapFile, PointmapFileOptions
 from physic_testing import check_backend
 from physic_testing.worlds import World, build_world
@@ -298,3 +298,19 @@ def test_an_exr_file_that_claims_gigabytes_is_refused(tmp_path: Path):
         path.write_bytes(damaged)
         with pytest.raises(InputError, match="it is damaged"):
             read_depth(path, 1.0, None)
+
+
+@pytest.mark.parametrize(("photo", "made"), [((1080, 1920), (280, 504)), ((2532, 1170), (504, 238))])
+def test_a_map_whose_sides_a_network_rounded_to_14_px_is_stretched(
+    photo: tuple[int, int], made: tuple[int, int]
+) -> None:
+    values, notes = resize_nearest(np.arange(made[0] * made[1], dtype=float).reshape(made), *photo, Path("a.npy"))
+    assert values.shape == photo
+    assert values[0, 0] == 0
+    assert values[-1, -1] == made[0] * made[1] - 1
+    assert len(notes) == 1
+
+
+def test_a_cropped_map_of_whole_patches_is_refused() -> None:
+    with pytest.raises(InputError, match="aspect"):
+        resize_nearest(np.ones((280, 448)), 1080, 1920, Path("a.npy"))
