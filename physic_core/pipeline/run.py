@@ -198,11 +198,12 @@ class Pipeline:
         camera, plan, path = given.camera(), self._plan_with(settings), photo_path_for_messages(source)
         with self._exclusive(), _naming(path):
             with limited_memory(self.config.run.device):
-                photo = replace(read_photo(source), name=Path(path).name)
+                photo = read_photo(source)
             if camera is not None and (camera.width, camera.height) == photo.file_size:
                 camera = camera.resized(*photo.image.shape[1::-1])  # the file was reduced while it was read
             if camera is not None:
                 photo = replace(photo, intrinsics=camera)
+            photo = replace(photo, name=Path(path).name)
             stages = self._stages(progress, close=close)
             try:
                 found = _reconstruct(photo, plan, given, stages, close=close or plan.config.run.low_memory)

@@ -8,9 +8,7 @@ measured it, the file calls it relative: its order is right, its size is not pro
 from __future__ import annotations
 
 import math
-import os
 import re
-import struct
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +18,7 @@ from physic_core.errors import InputError
 from physic_core.files.atomic import open_regular
 from physic_core.files.image_file import ImageSource, decode, open_image, wrap_decoding_errors
 from physic_core.files.npz import read_arrays, read_names
+from physic_opencv.exr import MAX_BYTES, read_exr
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -62,11 +61,8 @@ def read_phone_depth(path: Path) -> tuple[FloatArray, bool]:
         return np.where(disparity > 0, 1 / disparity, np.inf), is_relative
 
 
-_OPENCV_EXR = "OPENCV_IO_ENABLE_OPENEXR"
-_EXR = b"\x76\x2f\x31\x01"
-_EXR_HEADER = 1 << 20  # a usual one has 400 bytes
-_EXR_VALUE_BYTES = 4  # of OpenCV, for every kind of channel
-_MAX_BYTES = 1_300_000_000  # of a map in memory
+_NOTHING = 1e9  # and more is what renderers write where a ray hits nothing
+_LARGEST_HALF = 65504.0  # the same, as far as 16 bits can say it
 _GREY = ("L", "I", "F", "I;16", "I;16L", "I;16B")
 _PATCH_PX = 14  # of DINOv2, on which depth networks are built
 _ASPECT_TOLERANCE = 0.01  # of the aspect ratio: one pixel of rounding in a map 100 px high
@@ -76,9 +72,11 @@ def read_depth(path: Path, scale: float, invalid: float | None) -> tuple[FloatAr
     """Read a depth map (H, W) in metres, NaN where it is unknown, and whether its file calls it relative.
 
     Args:
-        path: a .npy array (H, W), a PNG of 16 bits with one channel, an .exr file, or a HEIC photo of a phone.
+        path: a .npy array (H, W), an .npz with "depth" (H, W) or (1, H, W), a PNG of 16 bits with one channel, an .exr
+            file, or a HEIC photo of a phone.
         scale: metres per unit of the file.
-        invalid: value of unknown pixels besides 0, NaN and infinity, in units of the file; None for no other.
+        invalid: value of unknown pixels besides 0, NaN, infinity, 1e9 and more, and the largest number of 16 bits
+            (65504) in floating point, in units of the file; None for no other.
 
     Raises:
         InputError: the file cannot be read, has another format or shape, or has no known pixel.
@@ -98,11 +96,15 @@ def read_depth(path: Path, scale: float, invalid: float | None) -> tuple[FloatAr
                 f"the depth map {path} has 8 bits per pixel, whose unit is not known and whose steps are too coarse: "
                 "give a PNG of 16 bits in millimetres, or a .npy array in metres"
             )
+    elif suffix == ".npz":
+        values, _ = _load_npz(path, "depth")
+        if values.ndim == 3 and len(values) == 1:  # of a network that takes several pictures
+            values = values[0]
     elif suffix == ".exr":
-        values = _read_exr(path)
+        values = read_exr(path)
     else:
         raise InputError(
-            f"cannot read the depth map {path}: its name ends in none of .npy, .png, .exr, .heic; convert it"
+            f"cannot read the depth map {path}: its name ends in none of .npy, .npz, .png, .exr, .heic; convert it"
         )
     if values.ndim == 3 and values.shape[2] == 1:
         values = values[..., 0]
@@ -111,7 +113,9 @@ def read_depth(path: Path, scale: float, invalid: float | None) -> tuple[FloatAr
     if values.dtype.kind not in "fiu":
         raise InputError(f"the depth map {path} must hold numbers, got {values.dtype}")
     depth = values.astype(np.float64)
-    unknown = ~np.isfinite(depth) | (depth <= 0)
+    unknown = ~np.isfinite(depth) | (depth <= 0) | (depth >= _NOTHING)
+    if values.dtype.kind == "f":
+        unknown |= depth == _LARGEST_HALF
     if invalid is not None and math.isfinite(invalid):
         unknown |= depth == invalid
     if unknown.all():
@@ -137,7 +141,7 @@ def read_pointmap(path: Path, scale: float) -> tuple[FloatArray, BoolArray]:
     if suffix == ".npy":
         points = _load_npy(path)
     elif suffix == ".npz":
-        points, valid = _load_npz(path)
+        points, valid = _load_npz(path, "points")
     else:
         raise InputError(f"cannot read the point map {path}: its name ends in none of .npy, .npz; convert it")
     if points.ndim != 3 or points.shape[2] != 3 or points.dtype.kind not in "fiu":
@@ -204,19 +208,19 @@ def _load_npy(path: Path) -> NDArray[np.generic]:
     return values
 
 
-def _load_npz(path: Path) -> tuple[NDArray[np.generic], NDArray[np.bool_] | None]:
+def _load_npz(path: Path, needed: str) -> tuple[NDArray[np.generic], NDArray[np.bool_] | None]:
     try:
         with open_regular(path) as stream:
             names = read_names(stream)
-            if "points" not in names:
-                raise InputError(f'cannot read {path}: it has no array "points"; it has {", ".join(names) or "none"}')
-            wanted = [name for name in ("points", "valid") if name in names]
-            arrays = read_arrays(stream, wanted, limit=_MAX_BYTES)
+            if needed not in names:
+                raise InputError(f'cannot read {path}: it has no array "{needed}"; it has {", ".join(names) or "none"}')
+            wanted = [name for name in (needed, "valid") if name in names]
+            arrays = read_arrays(stream, wanted, limit=MAX_BYTES)
     except InputError:
         raise
     except Exception as error:  # of NumPy, zipfile and its decompressors, which share no base class
         raise InputError(f"cannot read {path}: it is not an archive of NumPy arrays ({error})") from error
-    return arrays["points"], arrays.get("valid")
+    return arrays[needed], arrays.get("valid")
 
 
 def _read_picture(path: Path) -> NDArray[np.generic]:
@@ -227,58 +231,5 @@ def _read_picture(path: Path) -> NDArray[np.generic]:
 
 
 def _check_size(path: Path, size: int) -> None:
-    if size > _MAX_BYTES:
-        raise InputError(f"cannot read {path}: its numbers take {size / 1e9:,.1f} GB, more than {_MAX_BYTES / 1e9} GB")
-
-
-def _read_exr(path: Path) -> NDArray[np.generic]:
-    """Read the first channel of an EXR file with OpenCV, which often is built or configured without that format."""
-    _check_size(path, _exr_bytes(path))
-    import cv2
-
-    before = os.environ.get(_OPENCV_EXR)
-    os.environ[_OPENCV_EXR] = "1"
-    try:
-        values = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    except cv2.error:
-        values = None
-    finally:
-        if before is None:
-            del os.environ[_OPENCV_EXR]
-        else:
-            os.environ[_OPENCV_EXR] = before
-    if values is None:
-        raise InputError(
-            f"cannot read the depth map {path}: this OpenCV reads no EXR, or the file is damaged; set {_OPENCV_EXR}=1 "
-            "before the start, or convert it to .npy"
-        )
-    values = np.asarray(values)
-    return values[..., -1] if values.ndim == 3 else values  # BGR: the red one, which grey depth maps fill
-
-
-def _exr_bytes(path: Path) -> int:
-    """Return the memory that decoding an EXR file takes, by its header.
-
-    The header is a list of attributes: name, kind, size and content (OpenEXR, "File Layout").
-
-    Raises:
-        InputError: it has no such header, or several images.
-    """
-    with open_regular(path) as file:
-        head = file.read(_EXR_HEADER)
-    at, found = 8, dict[bytes, bytes]()
-    while head[:4] == _EXR and head[at : at + 1] not in (b"", b"\0"):
-        name, kind = head[at : at + 512].split(b"\0", 2)[:2] if head.count(b"\0", at, at + 512) > 1 else (b"", b"")
-        start = at + len(name) + len(kind) + 6
-        size = int.from_bytes(head[start - 4 : start], "little")
-        if not name or name in found or start + size > len(head):
-            break
-        found[name] = head[start : start + size]
-        at = start + size
-    window, channels = found.get(b"dataWindow", b""), found.get(b"channels", b"")
-    if len(window) != 16 or head[5] & 0x10:
-        raise InputError(f"cannot read the depth map {path}: it is not an EXR file of one image, or it is damaged")
-    x0, y0, x1, y1 = struct.unpack("<4i", window)
-    # A channel has a name, its end, and 16 bytes; a name has one byte or more.
-    claimed: int = max(0, x1 - x0 + 1) * max(0, y1 - y0 + 1) * _EXR_VALUE_BYTES * max(1, min(4, len(channels) // 18))
-    return claimed
+    if size > MAX_BYTES:
+        raise InputError(f"cannot read {path}: its numbers take {size / 1e9:,.1f} GB, more than {MAX_BYTES / 1e9} GB")

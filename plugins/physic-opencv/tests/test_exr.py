@@ -1,0 +1,72 @@
+"""Depth of EXR files that Blender and OpenEXR wrote: each has depth in another channel."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from physic_core import InputError
+from physic_opencv.depth_files import read_depth
+
+OpenEXR = pytest.importorskip("OpenEXR")
+FILES = Path(__file__).parent / "exr"
+
+
+@pytest.mark.parametrize("name", ["blender5_bw_V_depth", "blender5_rgba_depth", "blender45_multilayer"])
+def test_a_plane_at_3_m_that_blender_rendered_is_at_3_m_and_nothing_is_unknown(name: str) -> None:
+    depth, _ = read_depth(FILES / f"{name}.exr", 1.0, None)
+    assert depth.shape == (48, 64)
+    assert np.nanmin(depth) == pytest.approx(3.0, abs=1e-5)
+    assert np.nanmax(depth) < 1e3
+    assert np.isnan(depth).any()
+
+
+def test_the_only_channel_z_is_depth() -> None:
+    depth, _ = read_depth(FILES / "Z.exr", 1.0, None)
+    assert depth[0, 0] == 1.0
+    assert depth[-1, -1] == 48.0
+
+
+def test_a_position_is_no_depth() -> None:
+    with pytest.raises(InputError, match="X, Y, Z"):
+        read_depth(FILES / "XYZ.exr", 1.0, None)
+
+
+def written(path: Path, channels: dict[str, np.ndarray]) -> Path:
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, channels).write(str(path))
+    return path
+
+
+@pytest.mark.parametrize("dtype", [np.float16, np.float32])
+def test_both_widths_are_read_and_the_largest_half_is_unknown(tmp_path: Path, dtype: type) -> None:
+    values = np.linspace(1, 8, 24, dtype=dtype).reshape(4, 6)
+    values[0, 0] = 65504
+    depth, _ = read_depth(written(tmp_path / "d.exr", {"Depth.V": values, "Combined.A": values * 0}), 1.0, None)
+    np.testing.assert_array_equal(depth.ravel()[1:], values.astype(np.float32).ravel()[1:])
+    assert np.isnan(depth[0, 0])
+
+
+def test_a_colour_picture_is_no_depth(tmp_path: Path) -> None:
+    colours = {name: np.full((4, 6), value, np.float32) for name, value in zip("RGB", (1, 2, 3), strict=True)}
+    with pytest.raises(InputError, match="cannot be told"):
+        read_depth(written(tmp_path / "d.exr", colours), 1.0, None)
+
+
+def test_a_file_that_claims_gigabytes_is_refused(tmp_path: Path) -> None:
+    path = written(tmp_path / "d.exr", {"Z": np.ones((4, 6), np.float32)})
+    window = np.array([0, 0, 5, 3], "<i4").tobytes()
+    huge = np.array([0, 0, 29_999, 29_999], "<i4").tobytes()
+    path.write_bytes(path.read_bytes().replace(window, huge))
+    with pytest.raises(InputError, match=r"GB, more than|damaged"):
+        read_depth(path, 1.0, None)
+
+
+@pytest.mark.parametrize("kept", [3, 4, 40])
+def test_a_cut_file_is_refused(tmp_path: Path, kept: int) -> None:
+    path = written(tmp_path / "d.exr", {"Z": np.ones((4, 6), np.float32)})
+    path.write_bytes(path.read_bytes()[:kept])
+    with pytest.raises(InputError, match="damaged"):
+        read_depth(path, 1.0, None)
