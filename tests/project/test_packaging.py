@@ -87,6 +87,7 @@ def test_a_source_distribution_contains_the_licence(name: str):
 
 
 MODULES = {
+    "openexr": "OpenEXR",
     "opencv-python-headless": "cv2",
     "pillow": "PIL",
     "ray[data]": "ray",
