@@ -264,7 +264,9 @@ def is_measured(depth: DepthMap) -> bool:
 def measured_scale(depth: DepthMap, witness: Witnesses, vote: ScaleVote) -> MeasuredScale:
     """Compare a measured depth with a vote in which it took no part."""
     assert depth.scale_sigma is not None
-    by_depth = ScaleEvidence(float(vote.residuals(witness)[0]), depth.scale_sigma)
+    # A stated error of 0 is that of the file's numbers: pixels and poses are not exact.
+    sigma = max(depth.scale_sigma, KNOWN_SIZE_SIGMA)
+    by_depth = ScaleEvidence(float(vote.residuals(witness)[0]), sigma)
     return MeasuredScale(by_depth, vote.scale.sigma or DEPTH_SCALE_SIGMA)
 
 
