@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from physic_core.engine.joint.problem import OtherView
+from physic_core.engine.sizes.evidence import MeasuredScale
 from physic_core.engine.stance import Stance
 from physic_core.files.plain import DamagedFileError, read_value, write_value
 from physic_core.geometry.floor import FloorSearch
@@ -87,7 +88,7 @@ def estimate_evidence(
 def load_evidence(path: Path) -> Estimates | None:
     """Read evidence from a file; None if it is missing or damaged."""
     with suppress(OSError, DamagedFileError):
-        found: Estimates = read_value(path, [Estimates, OtherView, FloorSearch, Stance])
+        found: Estimates = read_value(path, [Estimates, OtherView, FloorSearch, Stance, MeasuredScale])
         return found
     return None
 
