@@ -121,6 +121,8 @@ def _given(table: KeypointTable, is_csv: bool, size: tuple[int, int]) -> GivenKe
     _check_inside(certain, points, inside, size)
     if outside := int((~inside).sum()):
         notes.append(f"left out {outside} given keypoints outside of the photo")
+    if is_scored and (largest := max(row[4] for row in certain)) > 1:
+        notes.append(f"scores up to {largest:.3g} were given, and those above 1 count as 1")
     kept = [row for row, is_inside in zip(certain, inside.tolist(), strict=True) if is_inside]
     people, joints, _, _, scores = zip(*kept, strict=True)
     confidence = np.clip(np.array(scores, np.float64), 0, 1) if is_scored else None
@@ -151,7 +153,10 @@ def _check_rows(rows: list[Row]) -> None:
         raise ValueError(f"the {joint} of person {person} comes twice")
     if wrong := [row for row in rows if not (math.isfinite(row[2]) and math.isfinite(row[3]))]:
         raise ValueError(f"the {wrong[0][1]} of person {wrong[0][0]} has no finite place")
-    if len(rows) > 1 and max(max(row[2:4]) for row in rows) < _LARGEST_SHARE_PX:
+    largest = max(max(row[2:4]) for row in rows)
+    # One joint may lie in the corner, at whole pixels.
+    is_share = len(rows) > 1 or any(value % 1 for value in rows[0][2:4])
+    if is_share and largest < _LARGEST_SHARE_PX:
         raise ValueError("all coordinates are below 2: these look like shares of the picture, and px are needed")
 
 

@@ -97,25 +97,29 @@ def _read_coco(document: Any, photo: str) -> KeypointTable:
     images = {one.get("id"): one for one in dataset.get("images") or () if isinstance(one, Mapping)}
     image = _image_of(annotations, images, photo)
     names = {one["id"]: tuple(one["keypoints"]) for one in dataset.get("categories") or () if one.get("keypoints")}
+    everywhere: list[Row] = []
     rows: list[Row] = []
     for number, one in enumerate(annotations):
-        if one.get("image_id") == image:
-            rows += _triples(number, one.get("keypoints"), names.get(one.get("category_id")))
-            for part, (start, stop) in _PARTS.items():
-                rows += _triples(number, one.get(part), _WHOLE_BODY[start:stop])
-    return KeypointTable(tuple(_once(rows)), False, _stated_size(images.get(image, {}), "width", "height"))
+        found = list(_triples(number, one.get("keypoints"), names.get(one.get("category_id"))))
+        for part, (start, stop) in _PARTS.items():
+            found += _triples(number, one.get(part), _WHOLE_BODY[start:stop])
+        everywhere += found
+        rows += found if one.get("image_id") == image else []
+    # A score of another image of the file says what the numbers of this one are.
+    scored = any(row[4] not in (0, 1, 2) for row in everywhere)
+    return KeypointTable(tuple(_once(rows)), scored, _stated_size(images.get(image, {}), "width", "height"))
 
 
 def _image_of(annotations: Sequence[Mapping[str, Any]], images: Mapping[Any, Any], photo: str) -> Any:
-    """Return the id of the photo's image: the only one, or the one of its name."""
-    found = {one.get("image_id") for one in annotations}
+    """Return the id of the photo's image: the only one, or the one of its name, listed or annotated."""
+    found = {one.get("image_id") for one in annotations} | images.keys()
     if len(found) < 2:
         return next(iter(found), None)
     stem = PurePath(photo).stem
     named = [key for key in found if stem and PurePath(str(images.get(key, {}).get("file_name", ""))).stem == stem]
     if len(named) == 1:
         return named[0]
-    raise ValueError(f"it has annotations of {len(found)} images, and none is named {stem or 'as the photo'}: keep its")
+    raise ValueError(f"it has {len(found)} images, and none is named {stem or 'as the photo'}: keep its")
 
 
 def _triples(number: int, numbers: Any, names: Sequence[str] | None) -> Iterable[Row]:
@@ -159,6 +163,7 @@ def _pairs(number: int, points: Any, scores: Any, names: Sequence[str] | None = 
 
 
 def _read_openpose(document: Any, photo: str) -> KeypointTable:
+    """Read OpenPose's JSON; other tools write COCO's 17, 23, 26 or 133 joints in it."""
     rows: list[Row] = []
     for number, one in enumerate(document["people"]):
         body = one.get("pose_keypoints_2d") or []
@@ -195,9 +200,17 @@ def _read_scored(document: Any, photo: str) -> KeypointTable:
     for number, one in enumerate(people):
         scores = one.get("keypoint_scores", one.get("scores"))
         labels = one.get("labels")
-        names = None if labels is None else [_BY_COUNT[17][int(label)] for label in labels]
+        names = None if labels is None else [_label(int(label)) for label in labels]
         rows += _pairs(number, one["keypoints"], scores or (), names)
     return KeypointTable(tuple(rows), True)
+
+
+def _label(label: int) -> str:
+    """Return the joint of a label of transformers, which counts COCO's 17."""
+    joints = _BY_COUNT[17]
+    if not 0 <= label < len(joints):
+        raise ValueError(f"it has the label {label}, and those of COCO's joints are 0 to {len(joints) - 1}")
+    return joints[label]
 
 
 def _has_scores(document: Any) -> bool:

@@ -130,3 +130,46 @@ def test_an_unknown_form_is_refused_with_what_it_has(tmp_path: Path) -> None:
 def test_a_file_most_of_whose_points_lie_outside_is_refused() -> None:
     with pytest.raises(InputError, match="another picture"):
         read("couple_low_scores", (400, 300))
+
+
+def annotation(image: int, third: float) -> dict[str, Any]:
+    flat = [number for x, y in POINTS for number in (x, y, third)]
+    return {"image_id": image, "category_id": 1, "keypoints": flat}
+
+
+IMAGES = [{"id": 1, "file_name": "a.jpg"}, {"id": 2, "file_name": "b.jpg"}]
+
+
+def test_joints_of_another_image_are_not_those_of_a_photo_that_has_none(tmp_path: Path) -> None:
+    file = written(tmp_path, {"images": IMAGES, "annotations": [annotation(2, 2)]})
+    with pytest.raises(InputError, match="no keypoints"):
+        read_keypoints(file, *SLOPE, "a.jpg")
+    with pytest.raises(InputError, match="2 images"):
+        read_keypoints(file, *SLOPE)
+
+
+def test_a_score_of_another_image_makes_the_numbers_of_the_photo_scores(tmp_path: Path) -> None:
+    file = written(tmp_path, {"images": IMAGES, "annotations": [annotation(1, 1), annotation(2, 0.4)]})
+    given = read_keypoints(file, *SLOPE, "a.jpg")
+    assert given.confidence == pytest.approx(np.ones(17))
+
+
+@pytest.mark.parametrize("label", [-1, 17])
+def test_a_label_of_no_joint_is_refused(tmp_path: Path, label: int) -> None:
+    document = [{"keypoints": [[100.0, 200.0]], "scores": [0.9], "labels": [label]}]
+    with pytest.raises(InputError, match=f"label {label}"):
+        read_keypoints(written(tmp_path, document), *SLOPE)
+
+
+def test_scores_above_1_count_as_1_with_a_note(tmp_path: Path) -> None:
+    given = read_keypoints(written(tmp_path, {"keypoints": [POINTS], "scores": [[5.1] * 17]}), *SLOPE)
+    assert given.confidence is not None
+    assert given.confidence.max() == 1
+    assert "5.1" in given.notes[-1]
+
+
+def test_a_single_joint_as_a_share_of_the_picture_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "a.csv"
+    file.write_text("person,joint,x,y\n0,nose,0.4,0.5\n")
+    with pytest.raises(InputError, match="shares"):
+        read_keypoints(str(file), *SLOPE)
