@@ -9,7 +9,7 @@ at all. The evidence of feet depends on the scale, and is added by
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -20,6 +20,7 @@ from physic_core.geometry.floor import (
     HOLE_WEIGHT,
     LOWER_SHARE,
     MASK_SLACK,
+    PITCH_SIGMA,
     FloorSearch,
     FloorSource,
     InverseDepthMap,
@@ -50,6 +51,8 @@ _STANDS = math.cos(math.radians(45.0))  # least cosine between straight bodies a
 _ROLL_SIGMA_DEG, _PITCH_SIGMA_DEG = 8.0, 30.0  # of cameras in hands
 _LEVEL_COSINE = math.cos(math.radians(25.0))  # least cosine between up and the normal of a horizontal pixel
 
+_FOCAL_PITCH_DEG = 23.0  # error of the pitch by the log error of the focal length: 6 degrees of a default one
+
 
 @dataclass(frozen=True)
 class FloorEvidence:
@@ -63,6 +66,7 @@ class FloorEvidence:
         ground: (H, W) bool, pixels with the label of a floor, or None.
         no_ground: (H, W) bool, pixels with the label of something else, or None.
         found: the answer for the same photo, if it was found before; None searches.
+        focal_sigma: standard deviation of the logarithm of the focal length.
     """
 
     mask: Tensor | None = None
@@ -72,6 +76,7 @@ class FloorEvidence:
     ground: Tensor | None = None
     no_ground: Tensor | None = None
     found: FloorSearch | None = None
+    focal_sigma: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -107,6 +112,8 @@ def chosen_floor(candidates: tuple[FloorCandidate, ...], best: int, evidence: Fl
     masks = [m for m in (evidence.mask, evidence.ground, *evidence.others) if m is not None and bool(m.any())]
     shares = [float(plane.inliers[mask].double().mean()) for mask in masks]
     in_mask = max(shares) > _IN_MASK_SHARE if shares else None
+    by_focal = math.radians(_FOCAL_PITCH_DEG) * evidence.focal_sigma
+    plane = replace(plane, pitch_sigma=math.hypot(PITCH_SIGMA, by_focal))
     return FloorSearch(plane, "found", plane.inlier_share, plane.below_share, in_mask)
 
 

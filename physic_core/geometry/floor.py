@@ -233,6 +233,9 @@ FEET_WINDOW = 0.08
 MASK_SLACK = 1.5
 """Factor on the tolerance of pixels labelled or masked as floor: depth networks bend floors."""
 
+PITCH_SIGMA = math.radians(1.5)
+"""Standard deviation of the camera's pitch over a floor, radians, if the camera is known: .3 to 2.2 degrees."""
+
 _TOLERANCE = 0.02  # largest error of an inlier, as a share of the range of inverse depth
 _LEAST_RISE = 0.05  # least increase of inverse depth from top to bottom, as a share of its range
 _REANCHOR_RANGE = (0.5, 2.0)
@@ -251,6 +254,7 @@ class PlaneFit:
         below_share: share of the lower part's pixels below the plane.
         source: image region of the candidates.
         reanchored: factor on 1 / Z that moved the plane to the depth at the feet; 1 if not moved.
+        pitch_sigma: standard deviation of the camera's pitch over the plane, radians.
     """
 
     normal: Tensor
@@ -260,6 +264,7 @@ class PlaneFit:
     below_share: float
     source: FloorSource
     reanchored: float = 1.0
+    pitch_sigma: float = PITCH_SIGMA
 
 
 @dataclass(frozen=True)
@@ -374,8 +379,9 @@ def refit_floor(points: Tensor, valid: Tensor, found: FloorSearch) -> FloorSearc
     plane = refit(view.rays[on].double(), view.inverse[on].double(), MASK_SLACK * view.tolerance)
     shares = found.plane.inlier_share, found.plane.below_share
     fit = _as_fit(view, plane, shares, found.plane.source, MASK_SLACK)
-    factor = found.plane.reanchored
-    return replace(found, plane=replace(fit, offset=fit.offset / factor, reanchored=factor))
+    factor, pitch_sigma = found.plane.reanchored, found.plane.pitch_sigma
+    moved = replace(fit, offset=fit.offset / factor, reanchored=factor, pitch_sigma=pitch_sigma)
+    return replace(found, plane=moved)
 
 
 def move_to_feet(

@@ -90,7 +90,8 @@ def engine_input(estimates: Estimates, model: BodyModel) -> EngineInput:
     rotations = rotations_from_parameters(parameters, model.device, model.dtype)
     if observed is None:
         observed = torch.ones(len(masks), NUM_JOINTS, dtype=torch.bool)
-    floor = replace(floor_evidence(people, estimates.hole, estimates.keypoints), found=estimates.floor)
+    evidence = floor_evidence(people, estimates.hole, estimates.keypoints, estimates.intrinsics)
+    floor = replace(evidence, found=estimates.floor)
     return EngineInput(
         scene=SceneInput(points, valid, estimates.scene.unknown, depth, _cameras(estimates), floor),
         photo=PhotoPoints(photo, photo_valid, original.unknown, people=hole),

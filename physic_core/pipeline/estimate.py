@@ -186,7 +186,7 @@ def run_backends(
     from physic_core.engine.floor import best_candidate, chosen_floor
 
     with stages.time_engine("floor candidates"):
-        evidence = floor_evidence(people, hole, keypoints)
+        evidence = floor_evidence(people, hole, keypoints, camera)
         floors = candidates_in(scene, evidence, plan.engine.scene)
         floor_by_pixels = plane_of(chosen_floor(floors, best_candidate(floors), evidence))
         aligned = _aligned(original, scene, hole, plan.engine) if hole.any() else scene

@@ -73,8 +73,8 @@ class FloorAndScale:
     measured: MeasuredScale | None = None
 
 
-def floor_evidence(people: People, hole: BoolArray, keypoints: Keypoints) -> FloorEvidence:
-    """Return the evidence of segmenter and feet about the floor."""
+def floor_evidence(people: People, hole: BoolArray, keypoints: Keypoints, camera: Intrinsics) -> FloorEvidence:
+    """Return the evidence of segmenter, feet and camera about the floor."""
     from physic_core.engine.floor import FloorEvidence
     from physic_core.geometry.tensors import optional_tensors
 
@@ -85,7 +85,9 @@ def floor_evidence(people: People, hole: BoolArray, keypoints: Keypoints) -> Flo
         people.floor, hole, feet_pixels(keypoints, *hole.shape), ground, no_ground
     )
     others = optional_tensors(*people.floor_candidates)
-    return FloorEvidence(mask, hole_, feet, tuple(m for m in others if m is not None), floor, other)
+    masks = tuple(m for m in others if m is not None)
+    focal_sigma = 0.0 if camera.known else camera.focal_sigma or 0.0
+    return FloorEvidence(mask, hole_, feet, masks, floor, other, focal_sigma=focal_sigma)
 
 
 def feet_pixels(keypoints: Keypoints, height: int, width: int, confidence: float = 0.5) -> FloatArray:

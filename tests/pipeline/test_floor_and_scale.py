@@ -87,13 +87,14 @@ class World:
 
     def answer(self, candidates=FLOOR, known: KnownPeople = NOBODY, **changed) -> FloorAndScale:
         given = self.given._replace(known=known, **changed)
-        evidence = floor_evidence(given.people, np.zeros((HEIGHT, WIDTH), bool), given.keypoints)
+        evidence = floor_evidence(given.people, np.zeros((HEIGHT, WIDTH), bool), given.keypoints, given.camera)
         return find_floor_and_scale(candidates, evidence, given, load_body("embedded"))
 
     def with_depth(self, factor: float, sigma: float | None = None, **changed) -> FloorAndScale:
         """The answer with a metric depth that is this many times the true one."""
         depth = DepthMap((self.depth * factor).astype(np.float32), None, sigma, ("a network",))
-        evidence = floor_evidence(self.given.people, np.zeros((HEIGHT, WIDTH), bool), self.given.keypoints)
+        hole = np.zeros((HEIGHT, WIDTH), bool)
+        evidence = floor_evidence(self.given.people, hole, self.given.keypoints, CAMERA)
         return find_floor_and_scale(FLOOR, evidence, self.given._replace(**changed), load_body("embedded"), depth)
 
     def without_feet(self, *people: int) -> Bodies:
@@ -127,6 +128,14 @@ def test_soles_on_the_floor_give_the_scale(world):
     assert found.search.reason == "found"
     assert (found.stance.stands > 0.8).all()
     assert not found.warning
+
+
+def test_the_pitch_of_the_floor_is_less_certain_if_the_focal_length_is(world):
+    guess = replace(CAMERA, focal_sigma=0.25)
+    known = replace(guess, trust=CameraTrust.KNOWN)
+    unsure, sure = (world.answer(camera=c).search.plane.pitch_sigma for c in (guess, known))
+    assert math.degrees(sure) == pytest.approx(1.5)
+    assert math.degrees(unsure) == pytest.approx(6, abs=0.5)
 
 
 def test_torsos_give_the_scale_where_no_foot_is_seen_and_are_less_certain(world):
@@ -271,7 +280,8 @@ def test_masks_labels_and_other_masks_are_candidates(world):
     rows[100:] = True
     hole = world.given.people.masks.any(0)
     people = labelled(world, rows, rows)
-    candidates = candidates_in(world.given.scene, floor_evidence(people, hole, world.given.keypoints), SceneMethod())
+    evidence = floor_evidence(people, hole, world.given.keypoints, CAMERA)
+    candidates = candidates_in(world.given.scene, evidence, SceneMethod())
     sources = [c.plane.source for c in candidates if c.plane is not None]
     assert sources[:4] == ["floor mask", "floor mask", "labels", "lower image"]
     assert len(sources) <= 6
@@ -281,6 +291,7 @@ def test_masks_labels_and_other_masks_are_candidates(world):
 
 
 def test_a_floor_that_is_switched_off_has_no_plane(world):
-    evidence = floor_evidence(labelled(world, None), np.zeros((HEIGHT, WIDTH), bool), world.given.keypoints)
+    hole = np.zeros((HEIGHT, WIDTH), bool)
+    evidence = floor_evidence(labelled(world, None), hole, world.given.keypoints, CAMERA)
     (only,) = candidates_in(world.given.scene, evidence, SceneMethod(floor="off"))
     assert only.plane is None

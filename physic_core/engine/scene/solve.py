@@ -221,6 +221,7 @@ def _floor_diagnostics(search: FloorSearch) -> dict[str, Any]:
             "source": search.plane.source,
             "camera_height_m": search.plane.offset,
             "pitch_deg": math.degrees(math.atan2(-z, -y)),
+            "pitch_sigma_deg": math.degrees(search.plane.pitch_sigma),
             "roll_deg": math.degrees(math.atan2(x, -y)),
             "reanchored": search.plane.reanchored,
         }
