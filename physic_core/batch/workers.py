@@ -28,6 +28,12 @@ from physic_core import errors
 from physic_core.errors import BackendError, OutputError, PhysicError
 from physic_core.files.atomic import MARK, check_own, open_to_append, write_own
 
+_IDLE_SHARE = 0.01
+"""A worker that uses less than this share of a core for as long as the time limit hangs."""
+
+_LOOK_S = 0.1  # at least this long between two looks at a worker that has nearly used up its time
+_RETRY = "--timeout sets the limit, and --retry failed tries the photo again"
+
 _MEMORY_RESERVE = 1.25
 """A worker is expected to need this multiple of what its first photo needed."""
 
@@ -58,6 +64,14 @@ def default_workers(peak_mb: float, device: str = "cpu") -> int:
         free_mb.append((float((group / "memory.max").read_text()) - used) / 1e6)
     more = max(0.0, min(free_mb)) / (_MEMORY_RESERVE * peak_mb)
     return max(1, int(min(usable_cores(), 1 + more)))
+
+
+def _work_seconds(pid: int) -> float:
+    """Return the CPU seconds of a process and of its children that have ended; elsewhere than on Linux, a clock."""
+    if sys.platform != "linux":
+        return time.monotonic()
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
 
 
 def peak_memory_mb() -> float:
@@ -115,7 +129,8 @@ class WorkerSettings:
 
     Attributes:
         count: number of processes; a function gets the peak memory, MB, of the first worker after its first task.
-        timeout: longest time of one task, s; None for no limit.
+        timeout: CPU seconds after which a task ends, and seconds without work after which it ends; None for no limit.
+            Elsewhere than on Linux, seconds by the clock.
         logs: folder for what the workers print, one file each; None prints to the terminal.
     """
 
@@ -181,6 +196,35 @@ def _wait_for_any(workers: list[_Worker[Task]]) -> list[_Worker[Task]]:
     return [one for one in workers if one.deadline <= now or not set(ready).isdisjoint(one.handles)]
 
 
+class _TimeLimit:
+    """The time limit of one task, in seconds that its worker computes, so that other programs take no task its time.
+
+    Attributes:
+        deadline: by the monotonic clock, when to look at the worker again.
+    """
+
+    def __init__(self, pid: int, limit: float) -> None:
+        self._pid, self._limit = pid, limit
+        self._start = self._work_at_mark = _work_seconds(pid)
+        self._mark = time.monotonic()
+        self.deadline = self._mark + limit
+
+    def exceeded(self) -> str:
+        """Return why the task must end; "" if it may go on, with a later ``deadline``."""
+        now = time.monotonic()
+        work = _work_seconds(self._pid)
+        left = self._limit - (work - self._start)
+        if left <= 0:
+            return f"no result after {self._limit:.0f} s of work"
+        if now >= self._mark + self._limit:
+            if work - self._work_at_mark < _IDLE_SHARE * (now - self._mark):
+                return f"no result, and no work for {now - self._mark:.0f} s"
+            self._mark = now
+            self._work_at_mark = work
+        self.deadline = min(now + max(left, _LOOK_S), self._mark + self._limit)
+        return ""
+
+
 class _Worker(Generic[Task]):
     """A process with the task that it has; it is started again after it died or was ended.
 
@@ -195,6 +239,7 @@ class _Worker(Generic[Task]):
     ) -> None:
         self._open_worker, self._settings, self._logs = open_worker, settings, logs
         self._process: Any = None
+        self._limit: _TimeLimit | None = None
         self._starts = 0
         self.is_open = False
 
@@ -224,12 +269,7 @@ class _Worker(Generic[Task]):
         if kind == "done":
             return Outcome(self._task, content[0], "", "", seconds, self._attempt, content[1])
         if time.monotonic() >= self.deadline and self._process.is_alive():
-            was_open = self.is_open
-            self.end()
-            if not was_open:
-                raise BackendError(f"the backends are not loaded after {LOAD_LIMIT_S:.0f} s")
-            message = f"no result after {seconds:.0f} s; --timeout sets the limit"
-            return Outcome(self._task, None, "Timeout", message, seconds, self._attempt)
+            return self._look(seconds)
         self._process.join(_END_S)
         how, was_open = _describe_end(self._process.exitcode, self._log), self.is_open
         self.end()
@@ -241,13 +281,29 @@ class _Worker(Generic[Task]):
         self._go_on()
         return None
 
+    def _look(self, seconds: float) -> Outcome[Task] | None:
+        """Return the outcome of a task that has exceeded its time, whose process is ended; None if it may go on.
+
+        Raises:
+            BackendError: the process is not open.
+        """
+        if self._limit is None:
+            self.end()
+            raise BackendError(f"the backends are not loaded after {LOAD_LIMIT_S:.0f} s")
+        reason = self._limit.exceeded()
+        if not reason:
+            self.deadline = self._limit.deadline
+            return None
+        self.end()
+        return Outcome(self._task, None, "Timeout", f"{reason}; {_RETRY}", seconds, self._attempt)
+
     def end(self) -> None:
         """End the process, if there is one."""
         if self._process is not None:
             self._process.kill()
             self._process.join()
             self._pipe.close()
-        self._process, self.is_open = None, False
+        self._process, self.is_open, self._limit = None, False, None
 
     def _go_on(self) -> None:
         """Start the process, or send it the task if it is open."""
@@ -255,7 +311,9 @@ class _Worker(Generic[Task]):
         if not self.is_open:
             self._start()
             return
-        self.deadline = self._since + (math.inf if self._settings.timeout is None else self._settings.timeout)
+        timeout = self._settings.timeout
+        self._limit = None if timeout is None else _TimeLimit(self._process.pid, timeout)
+        self.deadline = math.inf if self._limit is None else self._limit.deadline
         with suppress(OSError):  # it has just died, which the next step finds
             self._pipe.send(self._task)
 

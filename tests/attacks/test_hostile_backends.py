@@ -61,7 +61,9 @@ def test_plugin_exit_has_the_message_of_its_cause() -> None:
 def test_a_worker_that_hangs_is_ended_and_the_others_go_on() -> None:
     outcomes = list(run_in_workers(hostile.HANGS, hostile.open_worker, WorkerSettings(2, timeout=1.0)))
     assert [outcome.failure for outcome in outcomes] == ["Timeout"] * len(hostile.HANGS)
-    assert {outcome.message for outcome in outcomes} == {"no result after 1 s; --timeout sets the limit"}
+    assert {outcome.message for outcome in outcomes} == {
+        "no result, and no work for 1 s; --timeout sets the limit, and --retry failed tries the photo again"
+    }
 
 
 @pytest.mark.parametrize(

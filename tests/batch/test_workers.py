@@ -62,6 +62,19 @@ def test_a_worker_that_was_killed_for_another_reason_costs_no_photo(standin: Mod
     assert (found[task].failure, found[task].attempts) == ("", 2)
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_the_time_limit_counts_work_and_not_what_other_programs_take(standin: ModuleType):
+    found = outcomes(standin, "spin", "slow", "hang", timeout=1.0)
+    assert {name: outcome.failure for name, outcome in found.items()} == {
+        "spin": "Timeout",
+        "slow": "",
+        "hang": "Timeout",
+    }
+    assert "s of work" in found["spin"].message
+    assert "no work" in found["hang"].message
+    assert all("--retry failed" in found[name].message for name in ("spin", "hang"))
+
+
 @pytest.mark.parametrize(
     ("name", "kind", "message"),
     [

@@ -30,6 +30,15 @@ def work(text: str, seconds: float = 0.0) -> str:
     if name.startswith("replaced"):
         Path(text).write_bytes(b"X" * Path(text).stat().st_size)
         time.sleep(600)
+    if name.startswith("spin"):
+        while True:
+            pass
+    if name.startswith("slow"):  # half a second of work in three by the clock
+        for _ in range(10):
+            time.sleep(0.25)
+            end = time.process_time() + 0.05
+            while time.process_time() < end:
+                pass
     if name.startswith("hang"):
         time.sleep(600)
     if name.startswith("abort"):
