@@ -13,6 +13,10 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from pydantic import ValidationError
+
+from physic_core.configuration.model import PhotoSettings
+from physic_core.configuration.problems import problems_from_pydantic
 from physic_core.errors import ConfigError, InputError
 from physic_core.files.image_file import IMAGE_SUFFIXES
 from physic_core.files.text import printable, quoted, shorten
@@ -184,9 +188,15 @@ def _table_items(table: Path) -> Iterator[PhotoItem]:
         if unknown := sorted(set(row) - set(_COLUMNS)):
             raise InputError(f"{table}: unknown column {quoted(unknown[0])}; a table may have {', '.join(_COLUMNS)}")
         try:
-            yield photo_of_row(row, table.parent)
+            item = photo_of_row(row, table.parent)
+            PhotoSettings.model_validate(item.settings)
+        except ValidationError as error:
+            found = problems_from_pydantic(error, PhotoSettings)
+            problems = "; ".join(f"{one.path}: {one.message}" for one in found)
+            raise InputError(f"{table}, row {number}: {problems}") from error
         except ValueError as error:
             raise InputError(f"{table}, row {number}: {error}") from error
+        yield item
 
 
 def photo_of_row(row: Mapping[str, Any], folder: str | os.PathLike[str] = "") -> PhotoItem:

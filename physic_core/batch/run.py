@@ -37,13 +37,15 @@ class BatchPlan:
         todo: photos without a valid row in the journal.
         done: number of photos that are done.
         failed: number of photos that failed in an earlier run and are not tried again.
-        again: number of the photos in ``todo`` that were tried before with other content or settings, or that were done
-            before, but with files missing, truncated or replaced.
+        replaced: number of the photos in ``todo`` that are done with other settings, whose results are replaced.
+        again: number of the other photos in ``todo`` that were tried before, with other content or settings, or that
+            were done before, but with files missing, truncated or replaced.
     """
 
     todo: tuple[PhotoItem, ...]
     done: int
     failed: int
+    replaced: int
     again: int
 
 
@@ -68,7 +70,8 @@ def plan_batch(items: Iterable[PhotoItem], job: BatchJob, *, retry_failed: bool 
             todo.append(item)
         elif not _is_current(row, item, job):
             todo.append(item)
-            count["again"] += 1
+            is_result = row["state"] == "done" and not _has_settings(row, item, job)
+            count["replaced" if is_result else "again"] += 1
         elif not _has_its_files(row, item, job):
             todo.append(replace(item, replaces=tuple(_sizes(row))))
             count["again"] += 1
@@ -76,7 +79,9 @@ def plan_batch(items: Iterable[PhotoItem], job: BatchJob, *, retry_failed: bool 
             todo.append(item)
         else:
             count[row["state"]] += 1
-    return BatchPlan(tuple(item.stamped() for item in todo), count["done"], count["failed"], count["again"])
+    return BatchPlan(
+        tuple(item.stamped() for item in todo), count["done"], count["failed"], count["replaced"], count["again"]
+    )
 
 
 def run_batch(
@@ -125,9 +130,13 @@ def run_locally(
                 yield {**one.value, "attempts": one.attempts}
 
 
+def _has_settings(row: Mapping[str, Any], item: PhotoItem, job: BatchJob) -> bool:
+    return bool(row["config"] == job.digest(item) and row.get("save") == job.save)
+
+
 def _is_current(row: Mapping[str, Any], item: PhotoItem, job: BatchJob) -> bool:
     item = item.stamped()
-    if row["config"] != job.digest(item) or row.get("save") != job.save:
+    if not _has_settings(row, item, job):
         return False
     if item.stamp is None:
         return row.get("bytes") is None
@@ -170,7 +179,7 @@ class ExecutorSettings:
 
     Attributes:
         workers: number of processes or actors; None lets the executor choose.
-        timeout: longest time of one photo, s; None for no limit.
+        timeout: of one photo, as of :class:`physic_core.batch.workers.WorkerSettings`; None for no limit.
         logs: folder for what the workers print; None for none.
         address: of a running cluster; None for none, or for what the executor starts itself.
         options: further settings of the executor, as text.

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,12 +15,19 @@ import click
 
 from physic_core.cli.arguments import configuration_options
 from physic_core.cli.output import echo
+from physic_core.errors import OutputError
 
 if TYPE_CHECKING:
     from physic_core.batch.process import BatchJob
     from physic_core.batch.run import BatchPlan, Executor
 
 _SAVE = "Files per photo, as in physic run; none: only a row of the tables."
+_ROWS = 20
+"""New rows after which the tables are written while a batch runs."""
+
+_PAUSES = 20
+"""Shortest time between two writings of the tables, as a multiple of the time that the first of them took."""
+
 _LEVELS = ("pictures", "numbers", "people", "none")
 
 
@@ -32,7 +42,7 @@ _LEVELS = ("pictures", "numbers", "people", "none")
     type=click.FloatRange(0, 10_000_000),
     default=600,
     show_default=True,
-    help="Time limit per photo, seconds; 0: none.",
+    help="Limit of a photo, CPU seconds, and seconds without work; 0: none.",
 )
 @click.option("--retry", type=click.Choice(("failed",)), help="Also retry photos that failed before.")
 @click.option("--limit", metavar="N", type=click.IntRange(1), help="Process at most N photos now.")
@@ -87,12 +97,26 @@ def batch(
         for item in todo:
             echo(item.path)
         return
-    run_batch(todo, job, run, Path(job.out) / name, _row_printer(len(todo)))
-    written = write_tables(Path(job.out))
-    if job.thumbnails:
-        written.append(write_contact_sheet(Path(job.out)))
-    echo(_summary(Path(job.out), items))
-    echo("\n".join(f"wrote {path}" for path in written))
+    folder = Path(job.out)
+
+    def write() -> list[Path]:
+        return write_tables(folder) + ([write_contact_sheet(folder)] if job.thumbnails else [])
+
+    def finish(start: str) -> None:
+        written = write()
+        echo(f"{start}{_summary(folder, items)}")
+        echo("\n".join(f"wrote {path}" for path in written))
+
+    progress = _Progress(len(todo), write if shard is None else None)
+    try:
+        with _stopped_by_signals():
+            run_batch(todo, job, run, folder / name, progress.add)
+    except BaseException:  # a batch that is stopped has the tables of its rows, too
+        if progress.done:
+            with suppress(OutputError):
+                finish(f"stopped after {progress.done:,} of {len(todo):,} photos: ")
+        raise
+    finish("")
 
 
 def _job(out: Path, options: Mapping[str, Any], *, write: bool) -> BatchJob:
@@ -136,25 +160,67 @@ def _describe(plan: BatchPlan, photos: int) -> str:
     parts = [f"{photos:,} photos: {len(plan.todo):,} to do, {plan.done:,} done before"]
     if plan.failed:
         parts.append(f"{plan.failed:,} failed before (--retry failed retries them)")
+    if plan.replaced:
+        parts.append(
+            f"{plan.replaced:,} of those to do have a result of other settings, which is replaced: "
+            "name another folder with -o to keep it"
+        )
     if plan.again:
-        parts.append(f"{plan.again:,} of those to do were done, but content, settings or files of the result differ")
+        parts.append(f"{plan.again:,} of those to do were tried before, but photo, settings or files differ")
     return "; ".join(parts)
 
 
-def _row_printer(total: int) -> Callable[[Mapping[str, Any]], None]:
-    """Return a function that prints a line to stderr for each row, with rate, time left and failures."""
-    start, count = time.monotonic(), Counter[str]()
+class _Progress:
+    """Prints a line to stderr for each row, with rate, time left and failures, and has the tables written in between.
 
-    def print_row(row: Mapping[str, Any]) -> None:
-        count[row["state"]] += 1
-        done, seconds = count.total(), time.monotonic() - start
+    Args:
+        total: number of photos.
+        write: writes the tables; None to write none in between.
+
+    Attributes:
+        done: number of rows so far.
+    """
+
+    def __init__(self, total: int, write: Callable[[], Any] | None) -> None:
+        self.done = 0
+        self._total, self._write = total, write
+        self._start = self._next_write = time.monotonic()
+        self._failed = self._unwritten = 0
+
+    def add(self, row: Mapping[str, Any]) -> None:
+        """Take a row that was appended to the journal."""
+        self.done += 1
+        self._failed += row["state"] == "failed"
+        seconds = time.monotonic() - self._start
         message = str(row["message"]).replace(row["path"], Path(row["path"]).name)
         reason = f": {row['error']}: {message}" if row["error"] else ""
-        failures = f", {count['failed']} failed" if count["failed"] else ""
-        rate = f"{60 * done / seconds:.1f} photos/min, {_duration((total - done) * seconds / done)} left{failures}"
-        echo(f"[{done}/{total}] {row['state']} {row['path']}{reason} ({rate})", err=True)
+        failures = f", {self._failed} failed" if self._failed else ""
+        left = _duration((self._total - self.done) * seconds / self.done)
+        rate = f"{60 * self.done / seconds:.1f} photos/min, {left} left{failures}"
+        echo(f"[{self.done}/{self._total}] {row['state']} {row['path']}{reason} ({rate})", err=True)
+        self._unwritten += 1
+        if self._write is not None and self._unwritten >= _ROWS and time.monotonic() >= self._next_write:
+            start = time.monotonic()
+            with suppress(OutputError):  # such as of a table that is open elsewhere; the end of the batch reports it
+                self._write()
+            self._unwritten = 0
+            self._next_write = time.monotonic() + _PAUSES * (time.monotonic() - start)
 
-    return print_row
+
+@contextmanager
+def _stopped_by_signals() -> Iterator[None]:
+    """Inside the block, SIGTERM and SIGHUP do what Ctrl-C does, unless the process ignores them."""
+    before = {}
+    if threading.current_thread() is threading.main_thread():
+        for name in ("SIGTERM", "SIGHUP"):
+            number = getattr(signal, name, None)
+            if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+                before[number] = signal.signal(number, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _duration(seconds: float) -> str:
@@ -169,4 +235,5 @@ def _summary(out: Path, items: list[Any]) -> str:
     states = Counter(row["state"] for name, row in rows.items() if name in wanted)
     errors = Counter(row["error"] for name, row in rows.items() if name in wanted and row["error"])
     reasons = ", ".join(f"{number} {error}" for error, number in errors.most_common())
-    return f"{states['done']:,} done, {states['failed']:,} failed{f' ({reasons})' if reasons else ''}"
+    again = "; --retry failed tries these again" if errors.keys() & {"Timeout", "WorkerDied"} else ""
+    return f"{states['done']:,} done, {states['failed']:,} failed{f' ({reasons})' if reasons else ''}{again}"

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import csv
+import signal
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner, Result
 from PIL import Image
 
+from physic_core.batch.photos import PhotoItem
+from physic_core.batch.process import BatchJob, failed_row
 from physic_core.cli import main
 from physic_testing.worlds import build_world
 
@@ -93,3 +98,78 @@ def test_an_invalid_argument_ends_a_batch_before_its_first_photo(
     assert done.exit_code == code
     assert message in done.stderr
     assert not Path("out").exists()
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with 45 files in ``photos``, which is the current one."""
+    monkeypatch.chdir(tmp_path)
+    Path("photos").mkdir()
+    for index in range(45):
+        Path("photos", f"{index}.jpg").write_text("no photo")
+    return tmp_path
+
+
+def rows_of_table() -> int:
+    try:
+        return len(Path("out/summary.csv").read_text().splitlines()) - 1
+    except FileNotFoundError:
+        return 0
+
+
+def use_executor(monkeypatch: pytest.MonkeyPatch, rows: Any) -> None:
+    monkeypatch.setattr("physic_core.batch.run.open_executor", lambda name, settings: rows)
+
+
+def test_the_tables_are_written_every_20_photos(folder: Path, monkeypatch: pytest.MonkeyPatch):
+    seen = []
+
+    def rows(items: Sequence[PhotoItem], job: BatchJob) -> Iterator[dict[str, Any]]:
+        for item in items:
+            yield failed_row(job, item, "InputError", "no photo", 0.0)
+            seen.append(rows_of_table())
+
+    use_executor(monkeypatch, rows)
+    monkeypatch.setattr("physic_core.cli.batch._PAUSES", 0)
+    assert physic("photos", "-o", "out", "--preset", "mock").exit_code == 0
+    assert seen[18:20] == [0, 20]
+    assert seen[39:] == [40] * 6
+    assert rows_of_table() == 45
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_a_batch_that_is_stopped_has_its_tables(folder: Path, monkeypatch: pytest.MonkeyPatch, name: str):
+    number = getattr(signal, name, None)
+    if number is None:
+        pytest.skip("no such signal")
+
+    def rows(items: Sequence[PhotoItem], job: BatchJob) -> Iterator[dict[str, Any]]:
+        for item in items[:3]:
+            yield failed_row(job, item, "Timeout", "no result", 0.0)
+        signal.raise_signal(number)
+        yield failed_row(job, items[3], "Timeout", "no result", 0.0)
+
+    use_executor(monkeypatch, rows)
+    stopped = physic("photos", "-o", "out", "--preset", "mock")
+    assert stopped.exit_code == 130
+    assert rows_of_table() == 3
+    assert stopped.stdout.startswith("stopped after 3 of 45 photos: 0 done, 3 failed (3 Timeout); --retry failed")
+    assert "contact-sheet.html" in stopped.stdout
+    assert "42 to do" in physic("photos", "-o", "out", "--preset", "mock", "--dry-run").stderr
+
+
+def test_a_changed_configuration_says_how_many_results_it_replaces(folder: Path, monkeypatch: pytest.MonkeyPatch):
+    def rows(items: Sequence[PhotoItem], job: BatchJob) -> Iterator[dict[str, Any]]:
+        for item in items[:5]:
+            yield failed_row(job, item, "InputError", "no photo", 0.0)
+        for item in items[5:]:
+            yield failed_row(job, item, "", "", 0.0) | {"state": "done"}
+
+    use_executor(monkeypatch, rows)
+    options = ("photos", "-o", "out", "--preset", "mock", "--save", "none", "--no-thumbnails")
+    assert physic(*options).exit_code == 0
+    again = physic(*options, "--set", "photo.max_side=640", "--dry-run")
+    assert "45 to do" in again.stderr
+    assert "40 of those to do have a result of other settings" in again.stderr
+    assert "-o" in again.stderr
+    assert "5 of those to do were tried before" in again.stderr

@@ -70,6 +70,8 @@ def test_a_table_gives_cameras_statures_ages_and_ids(folder: Path):
         ("path,id\nb.jpg,x\na.PNG,x\n", "an id of its own"),
         ("path,camera\nb.jpg,nan\n", "row 1: a camera .*'nan'"),
         ("path,stature\nb.jpg,tall\n", "row 1: statures .*'tall'"),
+        ("path,stature\nb.jpg,1.7\na.PNG,170\n", "row 2: stature.*170"),
+        ("path,camera\nb.jpg,0.1\n", "row 1: focal_px: .*0.1"),
         ("path,age\nb.jpg,old\n", "row 1: ages .*'old'"),
         ("path,id\nb.jpg,1,2\n", "row 1: it has more cells"),
         ("path\nb\0.jpg\n", "row 1: a path .*null"),

@@ -53,7 +53,7 @@ def reconstruct(
         config: as of :class:`physic_core.Pipeline`.
         save: the files to write for each photo, as of ``physic batch --save``.
         out: folder for these files, which all nodes see.
-        timeout: longest time of one photo, s; None for no limit.
+        timeout: of one photo, as of ``physic batch --timeout``; None for no limit.
         workers: most actors; None for as many as the cluster has room for.
         resources: what one actor reserves.
         checkpoint: folder or URI that all nodes see, in which Ray Data keeps the ids of the rows that were written. The

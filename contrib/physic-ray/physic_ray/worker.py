@@ -29,7 +29,7 @@ class WorkerPlan:
 
     Attributes:
         job: of the batch.
-        timeout: longest time of one photo, s; None for no limit.
+        timeout: of one photo, as of ``physic batch --timeout``; None for no limit.
         logs: folder for what the workers print; None for none.
         folder: current folder of the workers, where it exists.
         environment: variables of the workers.
