@@ -31,7 +31,7 @@ from physic_core.visual.palette import (
     linear_from_srgb,
     painted_contact,
 )
-from physic_core.visual.rig import Rig, rigs
+from physic_core.visual.rig import Rig, bound_in_pose, rigs
 from physic_core.visual.supports import SLAB_FACES, assumed_supports
 from physic_core.visual.surface import BACKDROP, SceneMesh, scene_meshes, scene_reach, unit_normals
 from physic_core.visual.textures.dressed import GUESSED, dressed_bodies, dressed_images, image_of_vertices
@@ -111,7 +111,7 @@ def combined_glb(result: Reconstruction) -> bytes:
     skins, reason = dict[int, Rig](), ""
     if result.body_model == "embedded":
         try:
-            skins = dict(rigs(request))
+            skins = _posed_rigs(request)
         except InputError as error:
             reason = str(error)
     else:
@@ -122,13 +122,24 @@ def combined_glb(result: Reconstruction) -> bytes:
 def export_glb(request: ExportRequest) -> ExportedFiles:
     """Return a GLB file; its people are skinned meshes with the names and the order of the SMPL-X joints.
 
+    The meshes are bound in the pose of the photo: readers without skinning show people at their place.
+
     Raises:
         InputError: the skeleton of the bodies is not known.
     """
-    skins = dict(rigs(request))
+    skins = _posed_rigs(request)
     background = textured_scene(request.result, request.frame) if request.scene else None
     content = build_glb(request, background, skins, add_dressed).content()
     return ExportedFiles({f"{request.stem}{request.suffix}": content}, glb_notes(request, skins))
+
+
+def _posed_rigs(request: ExportRequest) -> dict[int, Rig]:
+    """Return person -> rig whose bind pose is that of the photo."""
+    skins = {}
+    for index, rig in rigs(request):
+        vertices = transform_points(request.frame.from_camera, request.result.people[index].vertices)
+        skins[index] = bound_in_pose(rig, vertices)
+    return skins
 
 
 def glb_notes(request: ExportRequest, skins: Mapping[int, Rig]) -> tuple[str, ...]:
@@ -247,6 +258,8 @@ def build_glb(
             extras["contact_variant"] = FAINT
     if skins:
         extras["rest_pose"] = "T-pose at zero rotations of the joints"
+        if look is add_dressed:
+            extras["bind_pose"] = "that of the photo"
     if reason:
         extras["no_skeleton"] = reason
     glb.tree["scenes"] = [{"name": "physic", "nodes": nodes, "extras": extras}]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -60,6 +60,16 @@ class Rig:
             own[:3, :3], own[:3, 3] = self.rotations[joint], self.offsets[joint]
             poses[joint] = own if parent < 0 else poses[parent] @ own
         return poses
+
+
+def bound_in_pose(rig: Rig, vertices: Array) -> Rig:
+    """Return a rig whose mesh is bound in the pose, so that readers without skinning show it there.
+
+    Args:
+        rig: of any bind pose.
+        vertices: (V, 3) of its pose, in the frame.
+    """
+    return replace(rig, vertices=vertices, inverse_bind=np.linalg.inv(rig.world()))
 
 
 def body_of_result(result: Reconstruction, file: Path | None = None) -> BodyModel:

@@ -70,8 +70,13 @@ def named(tree, name: str):
     return index, tree.nodes[index]
 
 
+@pytest.mark.parametrize("kind", ["exported", "saved"])
 @pytest.mark.parametrize("person", [0, 1])
-def test_vertices_skinned_from_the_file_are_the_posed_vertices(tree, result: Reconstruction, person: int):
+def test_vertices_skinned_from_the_file_are_the_posed_vertices(
+    tree, saved_pair: Path, result: Reconstruction, person: int, kind: str
+):
+    if kind == "saved":
+        tree = type(tree)().load(str(saved_pair / "combined.glb"))
     _, node = named(tree, f"person_{person}")
     skin, attributes = tree.skins[node.skin], tree.meshes[node.mesh].primitives[0].attributes
     inverse = array(tree, skin.inverseBindMatrices).reshape(-1, 4, 4).transpose(0, 2, 1)
@@ -90,6 +95,17 @@ def test_vertices_skinned_from_the_file_are_the_posed_vertices(tree, result: Rec
     wanted = transform_points(frame.from_camera, result.people[person].joints)
     np.testing.assert_allclose(np.stack([poses[j][:3, 3] for j in skin.joints]), wanted, atol=1e-5)
     assert [tree.nodes[joint].name for joint in skin.joints] == list(JOINT_NAMES)
+
+
+@pytest.mark.parametrize("person", [0, 1])
+def test_readers_without_skinning_show_people_of_the_combined_file_at_their_place(
+    saved_pair: Path, result: Reconstruction, person: int
+):
+    mesh = trimesh.load_scene(saved_pair / "combined.glb", process=False).geometry[f"person_{person}"]
+    vertices = result.people[person].vertices
+    wanted = transform_points(export_frame(result.scene.floor, "y").from_camera, vertices)
+    np.testing.assert_allclose(mesh.vertices[: len(wanted)], wanted, atol=1e-5)
+    assert mesh.volume > 0.03
 
 
 def test_shoes_are_a_shape_that_moves_toes_and_can_be_switched_off(tree, result: Reconstruction):
