@@ -69,7 +69,7 @@ def bound_in_pose(rig: Rig, vertices: Array) -> Rig:
         rig: of any bind pose.
         vertices: (V, 3) of its pose, in the frame.
     """
-    return replace(rig, vertices=vertices, inverse_bind=np.linalg.inv(rig.world()))
+    return replace(rig, vertices=vertices, inverse_bind=np.linalg.inv(rig.world()).astype(np.float64))
 
 
 def body_of_result(result: Reconstruction, file: Path | None = None) -> BodyModel:
