@@ -83,8 +83,8 @@ def read_keypoints(path: str, width: int, height: int, photo: str = "") -> Given
         raise InputError(f"cannot read the keypoints {path}: {error.strerror}") from error
     except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
         raise InputError(
-            f"the keypoints {path} cannot be used: {error}; give CSV with the columns {', '.join(_COLUMNS)}, COCO "
-            "JSON, or JSON of a tool that docs/tools.md names"
+            f"the keypoints {path} cannot be used (give CSV with the columns {', '.join(_COLUMNS)}, COCO JSON, or JSON "
+            f"of a tool that docs/tools.md names): {error}"
         ) from error
 
 

@@ -61,6 +61,9 @@ def table_of(document: Any, photo: str) -> KeypointTable:
     for is_form, read in _FORMS:
         if is_form(document):
             return read(document, photo)
+    for is_form, converts in _REFUSED:
+        if is_form(document):
+            raise ValueError(converts)
     raise ValueError(f"its form is not known: it has {_outline(document)}")
 
 
@@ -217,8 +220,7 @@ def _has_scores(document: Any) -> bool:
     people = document.get("instance_info", document.get("predictions")) if isinstance(document, Mapping) else document
     if people is None:
         people = document
-    while isinstance(people, list) and people and isinstance(people[0], list):
-        people = people[0]
+    people = _innermost(people)
     entry = people if isinstance(people, Mapping) else _first(people)
     return "keypoints" in entry and ("keypoint_scores" in entry or "scores" in entry)
 
@@ -249,6 +251,35 @@ def _is_label_studio(document: Any) -> bool:
     return isinstance(made, list) and "result" in _first(made)
 
 
+def _innermost(document: Any) -> Any:
+    """Return the first list of objects in lists of lists, or the document itself."""
+    while isinstance(document, list) and document and isinstance(document[0], list):
+        document = document[0]
+    return document
+
+
+def _is_mediapipe(document: Any) -> bool:
+    """Return whether a document has landmarks of MediaPipe, in its objects or alone."""
+    for key in ("pose_landmarks", "landmarks", "landmark"):
+        document = _innermost(document.get(key, document) if isinstance(document, Mapping) else document)
+    return {"x", "y", "z"} <= _first(document).keys()
+
+
+_LABELME = """it is a file of labelme; this Python prints it as CSV:
+    import json
+    print("person,joint,x,y")
+    for mark in json.load(open("FILE.json"))["shapes"]:
+        print(mark["group_id"] or 0, mark["label"], *mark["points"][0], sep=",")"""
+_MEDIAPIPE = """it has landmarks of MediaPipe, which are shares of the picture; this Python prints 33 as CSV:
+    from physic_core.types.skeletons import SKELETONS
+    print("person,joint,x,y")
+    for name, mark in zip(SKELETONS["blazepose33"].names, LANDMARKS):
+        if mark["visibility"] > 0.5:
+            print(0, name, mark["x"] * WIDTH - 0.5, mark["y"] * HEIGHT - 0.5, sep=",")"""
+_REFUSED: tuple[tuple[Callable[[Any], bool], str], ...] = (
+    (lambda d: isinstance(d, Mapping) and "shapes" in d, _LABELME),
+    (_is_mediapipe, _MEDIAPIPE),
+)
 _Reader = Callable[[Any, str], KeypointTable]
 _FORMS: tuple[tuple[Callable[[Any], bool], _Reader], ...] = (
     (_is_label_studio, _read_label_studio),

@@ -103,6 +103,7 @@ class Estimates(ShortRepr):
         scale_guess: warning that the scale of ``depth`` is a guess, or "".
         views: what other cameras show of the same people.
         given_keypoints: (N, J), which of ``keypoints`` the user gave; None if none.
+        contradicted_px: (N, J), how far mask and detector contradict them, px; None if none.
         file_px: px of the photo file in one px of ``image``, stated if ``given_keypoints`` are.
     """
 
@@ -129,6 +130,7 @@ class Estimates(ShortRepr):
     scale_guess: str = ""
     views: tuple[OtherView, ...] = ()
     given_keypoints: BoolArray | None = None
+    contradicted_px: FloatArray | None = None
     file_px: float = 1.0
 
 
@@ -168,11 +170,13 @@ def run_backends(
     stages.note(*notes)
     if len(people) and not sizes:
         stages.note(SIZES_OF_ADULTS)
-    keypoints, changed = run.keypoints(image, people), None
+    keypoints, changed, contradicted = run.keypoints(image, people), None, None
     if given_keypoints is not None:
-        from physic_core.pipeline.known_people import corrected_keypoints
+        from physic_core.pipeline.known_people import contradicted_keypoints, corrected_keypoints
 
-        keypoints, changed, notes = corrected_keypoints(keypoints, given_keypoints, people)
+        detected = keypoints
+        keypoints, changed, notes = corrected_keypoints(detected, given_keypoints, people)
+        contradicted = contradicted_keypoints(detected, keypoints, changed, people)
         stages.note(*notes)
 
     hole, objects = _removed(people, keypoints, plan, image.shape)
@@ -234,6 +238,7 @@ def run_backends(
         measured_scale=found.measured,
         statures=known.stature,
         given_keypoints=changed,
+        contradicted_px=contradicted,
         file_px=1.0 if given_keypoints is None else given_keypoints.file_px,
     )
 

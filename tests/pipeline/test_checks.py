@@ -88,6 +88,8 @@ def case(**changes: Any) -> tuple[Any, Any]:
         bodies=SimpleNamespace(observed=observed),
         views=(),
         measured_scale=None,
+        given_keypoints=None,
+        contradicted_px=None,
         stance=replace(Stance.unknown(1), stands=np.array([known["stands"]])),
         depth=SimpleNamespace(intrinsics=None),
         missing_results=(known["lost"],),

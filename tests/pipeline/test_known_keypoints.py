@@ -14,7 +14,7 @@ from physic_core import InputError, reconstruct
 from physic_core.configuration.model import PhotoSettings
 from physic_core.io.keypoint_file import read_keypoints
 from physic_core.io.photo import read_photo
-from physic_core.pipeline.known_people import corrected_keypoints
+from physic_core.pipeline.known_people import contradicted_keypoints, corrected_keypoints
 from physic_core.pipeline.prepared_photo import prepare_photo
 from physic_core.types import SKELETONS, Keypoints, People
 from physic_testing.worlds import World
@@ -59,9 +59,11 @@ def test_a_csv_file_moves_one_joint_and_leaves_the_others(tmp_path: Path, world:
 
 def test_a_wrist_that_no_arm_reaches_is_contradicted_by_the_photo(tmp_path: Path, world: World) -> None:
     found = run(world, written(tmp_path, "person,joint,x,y\n0,left_wrist,2,110\n"))
-    (warning,) = (text for text in found.warnings if "given" in text)
-    assert warning.startswith("person 0: the given left wrist lies ")
-    assert "given_keypoints" in found.people[0].failed_checks
+    off_body, off_photo = (text for text in found.warnings if "given" in text)
+    assert off_body.startswith("person 0: the given left wrist lies ")
+    assert "px from where mask and detector" in off_photo
+    assert {"given_keypoints", "contradicted_keypoints"} <= set(found.people[0].failed_checks)
+    assert found.people[0].grade != "good"
 
 
 def annotation(points: np.ndarray, hidden: int | None = None) -> dict[str, Any]:
@@ -110,6 +112,37 @@ def test_the_note_about_a_photo_that_is_made_smaller_states_px_of_its_file(tmp_p
     assert "120 px" in note
 
 
+@pytest.mark.parametrize(
+    ("at", "off"),
+    [
+        ((60, 60), 0),  # in the mask
+        ((90, 60), 40),  # beside it: from the detected one
+        ((90, 110), 10),  # from that of the other side, which is nearer
+        ((155, 60), 86),  # from the mask
+    ],
+)
+def test_a_given_joint_outside_of_the_mask_is_contradicted_by_a_detector_that_is_sure(
+    at: tuple[float, float], off: float
+) -> None:
+    before, people = two_people()
+    before.points[0, [LEFT_WRIST, NAMES.index("right_wrist")]] = (50, 60), (100, 110)
+    points, changed = np.array(before.points), np.zeros((2, 17), bool)
+    points[0, LEFT_WRIST], changed[0, LEFT_WRIST] = at, True
+    after = replace(before, points=points)
+    expected = np.zeros((2, 17))
+    expected[0, LEFT_WRIST] = off
+    assert contradicted_keypoints(before, after, changed, people) == pytest.approx(expected, abs=0.5)
+
+
+def test_an_unsure_detector_contradicts_nothing_but_a_joint_far_outside_of_the_mask_is_contradicted() -> None:
+    before, people = two_people()
+    unsure = replace(before, confidence=np.full((2, 17), 0.2))
+    points, changed = np.array(before.points), np.zeros((2, 17), bool)
+    points[0, [LEFT_ELBOW, LEFT_WRIST]], changed[0, [LEFT_ELBOW, LEFT_WRIST]] = [(80, 60), (140, 60)], True
+    off = contradicted_keypoints(unsure, replace(unsure, points=points), changed, people)[0]
+    assert off[[LEFT_ELBOW, LEFT_WRIST]] == pytest.approx([0, 71], abs=1)
+
+
 def test_an_annotation_of_a_person_who_was_not_found_is_left_out_with_a_note(tmp_path: Path) -> None:
     before, _ = two_people()
     three = [annotation(points + 1) for points in (*before.points, before.points[0] + 5)]
@@ -142,6 +175,10 @@ def test_keypoints_that_are_given_as_they_were_detected_change_nothing(tmp_path:
         ("person,joint,x,y\n0,left_wrist,1\n", "a.csv", "line 2"),
         ("person,joint,x,y\n", "a.csv", "no keypoints"),
         ("person,joint,x,y\n0,left_wrist,900,2\n", "a.csv", "160 x 120 px"),
+        ('{"imagePath": "a.jpg", "shapes": []}', "a.json", "labelme"),
+        ('[{"x": 0.4, "y": 0.5, "z": 0, "visibility": 1}]', "a.json", "MediaPipe"),
+        ('{"pose_landmarks": [[{"x": 0.4, "y": 0.5, "z": 0}]]}', "a.json", "MediaPipe"),
+        ('{"landmark": [{"x": 0.4, "y": 0.5, "z": 0}]}', "a.json", "MediaPipe"),
         ("person,joint,x,y\n0,nose,.4,.5\n0,left_wrist,.5,.4\n", "a.csv", "shares"),
         ("person,joint,x,y\n0,left_wrist,1,2\n0,left_wrist,1,3\n", "a.csv", "twice"),
         ("{", "a.json", "COCO JSON"),

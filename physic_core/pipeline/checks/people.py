@@ -319,6 +319,29 @@ def given_keypoints(estimates: Estimates, solution: Solution, person: int) -> Me
     )
 
 
+# Of 202 visible joints that people marked in 12 photos one is farther, of 155 hidden ones nine.
+@_check(
+    "Given keypoints against mask and detector",
+    at_most=0.1,
+    share_of="the box diagonal",
+    weak=True,
+    warns=True,
+    optional=True,
+)
+def contradicted_keypoints(estimates: Estimates, solution: Solution, person: int) -> Measured:
+    """Return how far mask and detector contradict the worst of the keypoints that the user gave, as a share."""
+    given, contradicted = estimates.given_keypoints, estimates.contradicted_px
+    if given is None or contradicted is None or not given[person].any():
+        return None
+    off, box = contradicted[person], estimates.people.boxes[person]
+    worst = int(off.argmax())
+    name = keypoint_in_words(estimates.keypoints.joint_set.names[worst])
+    return float(off[worst] / np.hypot(box[2] - box[0], box[3] - box[1])), (
+        f"the given {name} lies {off[worst] * estimates.file_px:.0f} px from where mask and detector have it: "
+        "check the keypoints that you gave"
+    )
+
+
 def limb_keypoint_error(
     joints: FloatArray,
     points: FloatArray,
