@@ -79,6 +79,12 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
 @_setting(
     "--depth", "photo.depth", metavar="FILE", help="Depth map of the photo: .npy or .exr in m, .png in mm, or .heic."
 )
+@_setting(
+    "--depth-unit",
+    "photo.depth_unit",
+    metavar="UNIT",
+    help="Another unit of --depth: mm, cm, m, ft, or such as 1/5000.",
+)
 @_setting("--pointmap", "photo.pointmap", metavar="FILE", help="Point map of the photo: .npy (H, W, 3), or .npz.")
 @_setting("--keypoints", "photo.keypoints", metavar="FILE", help=_KEYPOINTS)
 @_setting(

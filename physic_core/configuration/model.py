@@ -7,6 +7,7 @@ This module checks structure, keys, types and the settings of the engine, withou
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import cache
@@ -51,7 +52,8 @@ OPTIONAL_INTERFACES = ("hand_estimator", "contact_prior")
 
 _FROM_FILE = "file"
 """Name of the backends that read a result from the user's file in their option ``path``."""
-_METRES_PER_MILLIMETRE = 0.001  # depth cameras write PNGs in millimetres
+_UNITS_M = {"mm": 0.001, "cm": 0.01, "m": 1.0, "ft": 0.3048}
+_PNG_UNIT = "mm"  # of depth cameras
 _MAX_PROMPTS = 1000  # people or lengths; a photo that can be reconstructed has tens
 _HOOK = "physic_engine_presets"
 DEFAULT_ENERGY = "default"
@@ -83,6 +85,19 @@ class BackendChoice(_Table):
         "or an installed one), or 'none' where it is optional",
     )
     options: dict[str, Any] = Field(default_factory=dict, description="the backend's own options")
+
+
+def _depth_unit(text: str) -> str:
+    if text not in _UNITS_M and not re.fullmatch(r"1/[1-9]\d{0,5}", text):
+        raise ValueError(f"should be {', '.join(_UNITS_M)}, or a part of a metre such as 1/5000 (got {quoted(text)})")
+    return text
+
+
+_DepthUnit = Annotated[str, AfterValidator(_depth_unit)]
+
+
+def _unit_m(text: str) -> float:
+    return _UNITS_M[text] if text in _UNITS_M else 1 / int(text.removeprefix("1/"))
 
 
 _Pixel = Annotated[float, Field(ge=-1e6, le=1e6)]  # beyond, float32 cannot tell neighbouring pixels
@@ -118,6 +133,9 @@ class PhotoSettings(_Table):
         default=None,
         description="a depth map of the photo, instead of metric_depth: .npy or .exr in metres, or a 16-bit PNG in "
         "millimetres; relative to the config file",
+    )
+    depth_unit: _DepthUnit | None = Field(
+        default=None, description="another unit of depth: mm, cm, m, ft, or a part of a metre such as 1/5000"
     )
     pointmap: _FilePath = Field(
         default=None,
@@ -185,6 +203,8 @@ class PhotoSettings(_Table):
         self.known_sizes()  # raises ValueError
         if self.focal_px is not None and self.intrinsics is not None:
             raise ValueError("has both focal_px and intrinsics: give only one")
+        if self.depth_unit is not None and self.depth is None:
+            raise ValueError("has depth_unit without depth: give both")
         if self.distortion is not None and self.intrinsics is None:
             raise ValueError("has distortion without intrinsics: give both, from the same calibration")
         return self
@@ -279,10 +299,13 @@ class Config(_Table):
         path = {"metric_depth": self.photo.depth, "relative_pointmap": self.photo.pointmap}.get(interface)
         if path is None:
             return chosen
-        is_png = interface == "metric_depth" and path.lower().endswith(".png")
-        usual = {"scale": _METRES_PER_MILLIMETRE} if is_png else {}
-        kept = chosen.options if chosen.backend.rpartition(":")[2] == _FROM_FILE else usual
-        return BackendChoice(backend=_FROM_FILE, options={**kept, "path": path})
+        options: dict[str, Any] = {"path": path}
+        is_kept = chosen.backend.rpartition(":")[2] == _FROM_FILE
+        if interface == "metric_depth":
+            usual = _PNG_UNIT if path.lower().endswith(".png") and not is_kept else None
+            unit = self.photo.depth_unit or usual
+            options |= {"scale": _unit_m(unit)} if unit else {}
+        return BackendChoice(backend=_FROM_FILE, options={**(chosen.options if is_kept else {}), **options})
 
     def with_backends(self, chosen: Mapping[str, tuple[str, Mapping[str, Any]]]) -> Config:
         """Return a copy with other backends; ``chosen`` maps interfaces to a backend's name and options."""

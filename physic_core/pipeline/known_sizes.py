@@ -79,7 +79,7 @@ def _unit_question(estimates: Estimates) -> str:
     if estimates.measured_scale is None:
         return ""
     factor = estimates.measured_scale.factor
-    return f"; the depth is {factor:.3g} times that by the people: {likely_unit(factor)}"
+    return f"; the depth is {factor:.3g} times that by the people: {likely_unit(factor)} Then give --depth-unit"
 
 
 def _scene_sizes(known: KnownGeometry, factor: float = 1.0) -> str:

@@ -96,23 +96,25 @@ class MeasuredScale:
         return abs(self.evidence.log_scale) / math.hypot(self.evidence.sigma, self.people_sigma)
 
 
-_UNITS = {
-    1000.0: "is it in millimetres?",
-    100.0: "is it in centimetres?",
-    3.281: "is it in feet?",
-    5.0: "is its unit 1/5000 m, as in TUM's data sets?",
-    1 / 3.906: "is its unit 1/256 m, as in KITTI's data sets?",
-    0.001: "was it converted to metres twice?",
-    10.0: "is its unit 1/10000 m?",
+_PER_METRE = {
+    "metres": 1.0,
+    "millimetres": 1000.0,
+    "centimetres": 100.0,
+    "feet": 3.281,
+    "1/5000 m, as in TUM's data sets": 5000.0,
+    "1/256 m, as in KITTI's data sets": 256.0,
+    "1/10000 m": 10000.0,
 }
+_READ_AS = (1.0, 1000.0)  # units in one metre by which depth is read if none is stated
 _UNIT_SPREAD = 0.2  # of the logarithm of a ratio that a unit explains: statures and poses vary
 
 
 def likely_unit(factor: float) -> str:
     """Return a question about the unit of a depth that is too large by a factor."""
-    nearest = min(_UNITS, key=lambda unit: abs(math.log(factor / unit)))
-    if abs(math.log(factor / nearest)) < _UNIT_SPREAD:
-        return _UNITS[nearest]
+    ratios = {math.log(count / read): name for read in _READ_AS for name, count in _PER_METRE.items() if count != read}
+    nearest = min(ratios, key=lambda ratio: abs(math.log(factor) - ratio))
+    if abs(math.log(factor) - nearest) < _UNIT_SPREAD:
+        return f"is its unit {ratios[nearest]}?"
     return "is it along the optical axis, in metres, and not a disparity, which is larger where things are near?"
 
 

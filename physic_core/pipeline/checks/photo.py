@@ -142,7 +142,7 @@ def given_depth(estimates: Estimates, solution: Solution) -> Measured:
 
     return measured.sigmas, (
         f"by the given depth everything is {measured.factor:.3g} times as large as the people suggest, and it was "
-        f"followed: {likely_unit(measured.factor)}"
+        f"followed: {likely_unit(measured.factor)} --depth-unit states another unit"
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from physic_core import InputError, Pipeline, WeightsMissingError, load_config, reconstruct
-from physic_core.errors import PackageMissingError
+from physic_core.errors import ConfigError, PackageMissingError
 from physic_core.types import Hints
 from physic_opencv.depth_files import read_depth, resize_nearest
 from physic_opencv.from_file import DepthFile, DepthFileOptions, PointmapFile, PointmapFileOptions
@@ -232,6 +232,29 @@ def test_the_flags_of_a_run_keep_the_options_of_a_chosen_file_backend() -> None:
     kept = load_config(preset="mock", overrides=chosen, flags=flags).choice("metric_depth").options
     assert kept == {"scale": 0.01, "sigma": 0.1, "path": str(Path("d.png").absolute())}
     assert Path(config.as_dict()["photo"]["depth"]) == Path("d.png").absolute()
+
+
+@pytest.mark.parametrize(
+    ("unit", "metres"), [("mm", 0.001), ("cm", 0.01), ("m", 1.0), ("ft", 0.3048), ("1/5000", 0.0002)]
+)
+def test_the_unit_of_a_depth_is_that_of_its_option(unit: str, metres: float) -> None:
+    for name in ("d.png", "d.npy"):
+        flags = {"--depth": {"photo": {"depth": name}}, "--depth-unit": {"photo": {"depth_unit": unit}}}
+        assert load_config(preset="mock", flags=flags).choice("metric_depth").options["scale"] == metres
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"depth": "d.png", "depth_unit": "inch"}, "mm, cm, m, ft, or a part of a metre"),
+        ({"depth": "d.png", "depth_unit": "1/0"}, "1/5000"),
+        ({"depth": "d.png", "depth_unit": "5000"}, "1/5000"),
+        ({"depth_unit": "mm"}, "without depth"),
+    ],
+)
+def test_a_wrong_unit_of_depth_is_refused(given: dict[str, str], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        load_config(preset="mock", flags={"flags": {"photo": given}})
 
 
 def test_both_pass_the_conformance_kit(tmp_path: Path) -> None:
