@@ -232,7 +232,9 @@ def find_exporter(name: str | None, suffix: str = "") -> Found[ExporterRecord]:
         return found[0]
     if found:
         offers = " or ".join(f"{each.record.name} of {each.distribution}" for each in found)
-        raise InputError(f"the format can be {offers}: state which (--to, or format= in Python), or uninstall one")
+        same_name = len({each.record.name for each in found}) == 1
+        choose = "uninstall one of them" if same_name else "state which (--to, or format= in Python)"
+        raise InputError(f"the format can be {offers}: {choose}")
     known = ", ".join(each.record.name for each in exporters)
     choose = "; ".join((f"choose one of {known}", *missing_formats(exporters)))
     what = f"'{name or suffix}' is not an export format" if name or suffix else "the path has no suffix"

@@ -53,7 +53,7 @@ class AtomicWrite:
         """
         for name, part in list(self._parts.items()):
             path = self._folder / name
-            path.parent.mkdir(exist_ok=True)
+            path.parent.mkdir(parents=True, exist_ok=True)
             # A part that is missing was renamed by a call that was interrupted.
             with suppress(FileNotFoundError):
                 os.replace(part, path)

@@ -19,7 +19,7 @@ from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from io import BufferedReader, BytesIO
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import InputError, OutputError
@@ -192,9 +192,9 @@ def _swap(folder: Path, write: AtomicWrite, new: Path, to_keep: list[str], gone:
         to_keep.pop()
     for name in gone:
         (folder / name).unlink(missing_ok=True)
-        if "/" in name:
-            with suppress(OSError):  # other files are in the folder
-                (folder / name).parent.rmdir()
+        with suppress(OSError):  # other files are in the folder
+            for inner in PurePosixPath(name).parents[:-1]:
+                (folder / inner).rmdir()
     _rename(folder, write, new)
 
 

@@ -48,15 +48,15 @@ def test_what_16_bits_cannot_hold_is_unknown_and_said(export, result: Reconstruc
     assert "65.535 m" in done.notes[-1]
 
 
-@pytest.mark.parametrize("name", ["a.png", "a.json"])
+@pytest.mark.parametrize("name", ["depth", "nerfstudio", "colmap"])
 def test_depth_without_the_scene_is_refused(export, name: str):
     with pytest.raises(InputError, match="--no-scene"):
-        export(name, scene=False)
+        export("a", name, scene=False)
 
 
 @pytest.mark.parametrize("up", ["z", "y", "camera"])
 def test_rays_of_nerfstudio_meet_the_points_of_the_scene(export, result: Reconstruction, tmp_path: Path, up: str):
-    export("a.json", up=up)
+    export("a.json", "nerfstudio", up=up)
     data = json.loads((tmp_path / "a.json").read_text())
     (frame,) = data["frames"]
     depth = cv2.imread(str(tmp_path / frame["depth_file_path"]), cv2.IMREAD_ANYDEPTH)
@@ -73,7 +73,7 @@ def test_rays_of_nerfstudio_meet_the_points_of_the_scene(export, result: Reconst
 
 
 def test_the_mask_of_nerfstudio_leaves_people_out(export, result: Reconstruction, tmp_path: Path):
-    export("a.json")
+    export("a.json", "nerfstudio")
     mask = cv2.imread(str(tmp_path / "a_mask.png"), cv2.IMREAD_UNCHANGED)
     people = np.any([person.mask for person in result.people], axis=0)
     np.testing.assert_array_equal(mask, np.where(people, 0, 255))

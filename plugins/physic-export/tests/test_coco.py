@@ -1,0 +1,106 @@
+"""COCO: pycocotools reads the keypoints, boxes and masks of the result, in px of the photo file."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from physic_core import Reconstruction, reconstruct
+from physic_core.errors import InputError
+from physic_core.types import Lens, skeleton_named
+from physic_testing.worlds import build_world
+
+pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")  # of pycocotools
+
+
+def opened(file: Path):
+    coco = pytest.importorskip("pycocotools.coco")
+    with contextlib.redirect_stdout(io.StringIO()):
+        return coco.COCO(str(file))
+
+
+@pytest.fixture
+def thrice(result: Reconstruction) -> Reconstruction:
+    """The result of a photo file of three times its size."""
+    width, height = result.intrinsics.width, result.intrinsics.height
+    return replace(result, file_size=(3 * width, 3 * height), photo_name="a.jpg")
+
+
+def test_pycocotools_reads_the_keypoints_and_boxes_of_every_person(export, thrice: Reconstruction):
+    data = opened(export("a.json", "coco", of=thrice).files[0])
+    assert data.imgs[1]["file_name"] == "a.jpg"
+    assert (data.imgs[1]["width"], data.imgs[1]["height"]) == thrice.file_size
+    for index, person in enumerate(thrice.people):
+        (found,) = (one for one in data.loadAnns(data.getAnnIds()) if one["person"] == index)
+        triples = np.array(found["keypoints"], float).reshape(-1, 3)
+        seen = person.keypoint_confidence > 0
+        np.testing.assert_allclose(triples[seen, :2], 3 * person.keypoints[seen] + 1, atol=1e-3)
+        assert (triples[seen, 2] == 2).all()
+        assert not triples[~seen].any()
+        assert found["num_keypoints"] == seen.sum()
+        np.testing.assert_allclose(found["keypoint_scores"], person.keypoint_confidence, atol=1e-4)
+        x, y, width, height = found["bbox"]
+        np.testing.assert_allclose([x, y, x + width, y + height], 3 * person.box, atol=1e-3)
+
+
+def test_pycocotools_decodes_the_masks(export, thrice: Reconstruction):
+    data = opened(export("a.json", "coco", of=thrice).files[0])
+    for index, person in enumerate(thrice.people):
+        mask = data.annToMask(data.anns[index + 1])
+        np.testing.assert_array_equal(mask, np.kron(person.mask, np.ones((3, 3), bool)))
+        assert data.anns[index + 1]["area"] == mask.sum()
+
+
+def test_the_category_has_the_names_of_the_keypoints_and_lines_between_them(export, result: Reconstruction):
+    (category,) = opened(export("a.json", "coco").files[0]).loadCats([1])
+    names = category["keypoints"]
+    assert len(names) == len(skeleton_named(result.skeleton))
+    links = {frozenset(names[place - 1] for place in pair) for pair in category["skeleton"]}
+    sides = ("left", "right")
+    for pair in [("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee"), ("knee", "ankle"), ("shoulder", "hip")]:
+        assert {frozenset(f"{side}_{name}" for name in pair) for side in sides} <= links
+    assert frozenset({"left_hip", "right_hip"}) in links
+
+
+def test_annotations_of_an_undistorted_photo_are_those_of_its_file(export, result: Reconstruction):
+    camera = result.intrinsics
+    lens = Lens(replace(camera, fx=0.9 * camera.fx, fy=0.9 * camera.fy), (0.1, 0.0, 0.0, 0.0, 0.0))
+    data = opened(export("a.json", "coco", of=replace(result, lens=lens)).files[0])
+    person = result.people[0]
+    triples = np.array(data.anns[1]["keypoints"], float).reshape(-1, 3)
+    seen = person.keypoint_confidence > 0
+    wanted = lens.file_pixels(person.keypoints[seen], camera)
+    np.testing.assert_allclose(triples[seen, :2], wanted, atol=1e-3)
+    mask = data.annToMask(data.anns[1]).astype(bool)
+    columns, rows = np.rint(lens.file_pixels(np.argwhere(person.mask)[:, ::-1], camera)).astype(int).T
+    there = (rows >= 0) & (rows < mask.shape[0]) & (columns >= 0) & (columns < mask.shape[1])
+    assert mask[rows[there], columns[there]].mean() > 0.98
+    assert mask.sum() == pytest.approx(0.81 * person.mask.sum(), rel=0.1)
+
+
+def test_a_person_whom_the_photo_does_not_show_has_no_annotation(export, result: Reconstruction):
+    hidden = replace(result.people[0], mask=np.zeros_like(result.people[0].mask), box=np.zeros(4, np.float32))
+    done = export("a.json", "coco", of=replace(result, people=(hidden, *result.people[1:])))
+    assert [one["person"] for one in opened(done.files[0]).anns.values()] == [1]
+    assert any(note.startswith("person 0") for note in done.notes)
+
+
+def test_two_formats_have_the_suffix_json(export):
+    with pytest.raises(InputError, match="coco of physic-export or nerfstudio of physic-export: state which"):
+        export("a.json")
+
+
+@pytest.mark.usefixtures("few_steps")
+def test_a_run_with_the_written_annotations_gives_the_same_bodies(export, tmp_path: Path):
+    world = build_world("stand", 1, (160, 120))
+    config = {"extends": "mock", "run": {"cache": False}}
+    first = reconstruct(world.image, config)
+    export("a.json", "coco", of=first)
+    again = reconstruct(world.image, config | {"photo": {"keypoints": str(tmp_path / "a.json")}})
+    assert any("they change nothing" in note for note in again.notes)
+    assert np.array_equal(again.people[0].joints, first.people[0].joints)
