@@ -16,7 +16,7 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import count
@@ -325,7 +325,7 @@ class _Worker(Generic[Task]):
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=_work, args=(theirs, self._open_worker, self._log))
-        with _environment(_SINGLE_THREAD):
+        with started_processes(_SINGLE_THREAD):
             self._process.start()
         theirs.close()
         self._starts += 1
@@ -388,10 +388,15 @@ def _describe_end(code: int | None, log: Path | None) -> str:
 
 
 @contextmanager
-def _environment(variables: dict[str, str]) -> Iterator[None]:
-    """Set environment variables that are not set, for the processes that are started in the block."""
-    added = variables.keys() - os.environ.keys()
-    os.environ.update({name: variables[name] for name in added})
+def started_processes(variables: Mapping[str, str] | None = None) -> Iterator[None]:
+    """Start processes in the block: they import nothing from the current folder, where Python looks first otherwise.
+
+    Args:
+        variables: of the environment of these processes, unless they are set already.
+    """
+    wanted = {"PYTHONSAFEPATH": "1", **(variables or {})}
+    added = wanted.keys() - os.environ.keys()
+    os.environ.update({name: wanted[name] for name in added})
     try:
         yield
     finally:

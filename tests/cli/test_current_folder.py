@@ -74,6 +74,7 @@ COMMANDS = [
     RUN,
     ("plugins",),
     ("plugins", "doctor", "embedded", "--interface", "inpainter"),
+    ("batch", *RUN[1:], "--workers", "1", "--save", "none", "--no-thumbnails"),
     ("config", "check"),
     ("--version",),
 ]

@@ -12,6 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from physic_core.batch.workers import started_processes
 from physic_core.errors import BackendError, PackageMissingError
 
 if TYPE_CHECKING:
@@ -75,7 +76,8 @@ class Worker:
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=_work, args=(theirs, config, exports, open_), daemon=True)
-        self._process.start()
+        with started_processes():
+            self._process.start()
         theirs.close()
         answer = self._receive()
         if answer.kind != "ready":

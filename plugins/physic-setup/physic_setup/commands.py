@@ -204,7 +204,7 @@ def _run(step: SetupStep) -> None:
         echo(f"   $ {command}")
         words = shlex.split(command)
         if words[0] in ("python", "physic"):
-            words[:1] = [sys.executable, "-m", "physic_core"] if words[0] == "physic" else [sys.executable]
+            words[:1] = [sys.executable, "-P", "-m", "physic_core"] if words[0] == "physic" else [sys.executable]
         try:
             code = subprocess.run(words, check=False).returncode
         except OSError as error:

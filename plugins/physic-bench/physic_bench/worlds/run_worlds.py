@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from physic_bench.kept import kept
 from physic_bench.worlds.world_evidence import WorldCase, estimate_evidence, evidence_key, source_hash
+from physic_core.batch.workers import started_processes
 from physic_core.errors import PhysicError
 
 if TYPE_CHECKING:
@@ -77,7 +78,9 @@ def run_cases(cases: Sequence[WorldCase], work: BenchmarkJob, jobs: int = 1) -> 
     others = set(active_children())
     pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_ignore_interrupts)
     try:
-        for future in as_completed([pool.submit(run_world, case, work) for case in cases]):
+        with started_processes():
+            futures = [pool.submit(run_world, case, work) for case in cases]
+        for future in as_completed(futures):
             yield future.result()
     except BrokenProcessPool as error:
         raise PhysicError(
