@@ -6,22 +6,26 @@ A backend that crashes, hangs, or uses all memory does not affect the others.
 from __future__ import annotations
 
 import json
+import multiprocessing
 import os
-import subprocess
 import sys
 import tempfile
 import time
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
+from multiprocessing import connection
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
+from physic_core.batch.workers import started_processes
 from physic_core.cli.arguments import require_interface, with_current_folder
 from physic_core.cli.exit_codes import BACKEND
 from physic_core.cli.output import echo, echo_json
-from physic_core.discovery.backends import find_backend, find_by_name, list_backends, load_class, missing_requirements
+from physic_core.discovery.backends import find_by_name, list_backends, load_class, missing_requirements
 from physic_core.discovery.error_text import describe_error, is_debugging, traceback_text
 from physic_core.discovery.plugin_code import plugin_code
 from physic_core.discovery.plugins import broken_plugins
@@ -29,6 +33,11 @@ from physic_core.errors import PhysicError
 
 if TYPE_CHECKING:
     from physic_core.discovery.entry_points import Offer
+
+_AT_ONCE = 2
+"""Backends that are loaded at the same time; more could take more memory than the machine has."""
+
+_ANSWER, _OUTPUT = "answer.json", "output.txt"
 
 
 @dataclass(frozen=True)
@@ -79,22 +88,20 @@ def doctor(
     "missing": the backend reports missing files or packages. "BROKEN": any other error; the exit code is then 5.
     """
     require_interface(interface)
-    offers = find_by_name(with_current_folder(name)) if name is not None else list_backends()
-    found: list[DoctorResult] = []
-    for offer in offers:
-        if interface in (None, offer.interface):
-            found.append(try_backend_in_subprocess(offer, device, timeout))
-            if not as_json:
-                echo(str(found[-1]))
+    named = find_by_name(with_current_folder(name)) if name is not None else list_backends()
+    offers = [offer for offer in named if interface in (None, offer.interface)]
+    results = _with_bar(try_in_processes(offers, device, timeout), len(offers))
+    place = {(offer.interface, offer.name, offer.owner): index for index, offer in enumerate(offers)}
+    found = sorted(results, key=lambda one: place[one.interface, one.backend, one.owner])
     for broken in broken_plugins() if name is None else ():
         trace = traceback_text(broken.error)
         owner = f"{broken.distribution} {broken.version}".rstrip()
         found.append(DoctorResult("-", "-", owner, "broken", broken.cause, traceback=trace))
-        if not as_json:
-            echo(str(found[-1]))
     if as_json:
         echo_json([asdict(finding) for finding in found])
     else:
+        for finding in found:
+            echo(str(finding))
         count = {state: sum(f.state == state for f in found) for state in ("ok", "missing", "broken")}
         echo(f"{len(found)} checked: {', '.join(f'{n} {state}' for state, n in count.items())}")
     ctx.exit(BACKEND if any(finding.state == "broken" for finding in found) else 0)
@@ -128,37 +135,86 @@ def try_backend(offer: Offer, device: str) -> DoctorResult:
     return replace(_result(offer, "ok"), seconds=round(time.perf_counter() - start, 2))
 
 
-def try_backend_in_subprocess(offer: Offer, device: str, timeout: float) -> DoctorResult:
-    """Run :func:`try_backend` in a new process with the same import path, and return its result."""
-    script = f"import sys; from {__name__} import _main; _main(*sys.argv[1:])"
-    # A name with a colon is the name of a class.
-    name = offer.target if ":" in offer.name else f"{offer.distribution}:{offer.name}"
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
-    with tempfile.TemporaryDirectory() as folder:
-        answer, output = Path(folder, "answer.json"), Path(folder, "output.txt")
-        command = [sys.executable, "-P", "-c", script, offer.interface, name, device, str(answer)]
-        # A file, not a pipe: processes that the backend has started may keep a pipe open after the time limit.
-        with output.open("wb") as stream:
-            try:
-                done = subprocess.run(
-                    command,
-                    stdin=subprocess.DEVNULL,
-                    stdout=stream,
-                    stderr=subprocess.STDOUT,
-                    env=environment,
-                    timeout=timeout,
-                    check=False,
-                )
-            except subprocess.TimeoutExpired:
-                return _result(offer, "broken", f"not finished after {timeout:g} s")
-        with suppress(OSError, ValueError, TypeError, KeyError):
-            found = json.loads(answer.read_bytes())
-            values = {key: found[key] for key in ("owner", "state", "message", "seconds", "traceback")}
-            return replace(_result(offer, "ok"), **values)
-        text = output.read_text(encoding="utf-8", errors="replace")
-    last = (text.strip() or "no output").rpartition("\n")[2]
-    result = _result(offer, "broken", f"it ended Python with code {done.returncode}: {last}")
-    return replace(result, traceback=text) if is_debugging() else result
+def try_in_processes(offers: Iterable[Offer], device: str, timeout: float) -> Iterator[DoctorResult]:
+    """Run :func:`try_backend` for each backend in a process of its own; yield the results in the order of their end.
+
+    Args:
+        offers: the backends.
+        device: for ``load``. On a CPU, two backends are loaded at the same time.
+        timeout: time limit of each, s.
+    """
+    waiting, trials = deque(offers), list[_Trial]()
+    context = _context()
+    at_once = _AT_ONCE if device == "cpu" else 1
+    try:
+        while waiting or trials:
+            while waiting and len(trials) < at_once:
+                trials.append(_Trial(waiting.popleft(), device, timeout, context))
+            left = min(trial.deadline for trial in trials) - time.monotonic()
+            connection.wait([trial.sentinel for trial in trials], max(0.0, left))
+            for trial in [one for one in trials if one.is_over()]:
+                trials.remove(trial)
+                yield trial.end()
+    finally:
+        for trial in trials:
+            trial.end()
+
+
+def _with_bar(results: Iterable[DoctorResult], count: int) -> list[DoctorResult]:
+    """Return the results; a terminal shows a bar meanwhile."""
+    if not sys.stderr.isatty():
+        return list(results)
+    with click.progressbar(results, length=count, label="backends", show_pos=True, file=sys.stderr) as bar:
+        return list(bar)
+
+
+def _context() -> Any:
+    """Return how processes start: on Linux, as copies of one that has imported torch, which alone takes a second."""
+    if sys.platform != "linux":
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([__name__, "physic_testing.commands.common_imports"])
+    return context
+
+
+class _Trial:
+    """One backend in a process of its own.
+
+    Attributes:
+        sentinel: becomes ready when the process has ended.
+        deadline: end of the time limit, by the monotonic clock.
+    """
+
+    def __init__(self, offer: Offer, device: str, timeout: float, context: Any) -> None:
+        self._offer, self._timeout = offer, timeout
+        # Files, not pipes: processes that the backend has started may keep a pipe open after the time limit.
+        self._folder = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
+        self._process = context.Process(target=_main, args=(offer, device, self._folder.name, dict(os.environ)))
+        with started_processes():
+            self._process.start()
+        self.sentinel = self._process.sentinel
+        self.deadline = time.monotonic() + timeout
+
+    def is_over(self) -> bool:
+        """Return whether the process, or its time, has ended."""
+        return not self._process.is_alive() or time.monotonic() >= self.deadline
+
+    def end(self) -> DoctorResult:
+        """Return what the process has found, and why it has not if there is nothing; it is ended."""
+        is_late = self._process.is_alive()
+        self._process.kill()
+        self._process.join()
+        with self._folder as folder:
+            if is_late:
+                return _result(self._offer, "broken", f"not finished after {self._timeout:g} s")
+            with suppress(OSError, ValueError, TypeError, KeyError):
+                found = json.loads(Path(folder, _ANSWER).read_bytes())
+                values = {key: found[key] for key in ("owner", "state", "message", "seconds", "traceback")}
+                return replace(_result(self._offer, "ok"), **values)
+            text = Path(folder, _OUTPUT).read_text(encoding="utf-8", errors="replace")
+        last = (text.strip() or "no output").rpartition("\n")[2]
+        result = _result(self._offer, "broken", f"it ended Python with code {self._process.exitcode}: {last}")
+        return replace(result, traceback=text) if is_debugging() else result
 
 
 def _result(
@@ -170,8 +226,17 @@ def _result(
     return DoctorResult(offer.interface, offer.name, offer.owner, state, message, traceback=traceback_text(error))
 
 
-def _main(interface: str, name: str, device: str, answer: str) -> None:
-    found = try_backend(find_backend(interface, name), device)
-    Path(answer).write_text(json.dumps(asdict(found)), encoding="utf-8")
-    sys.stdout.flush()
+def _main(offer: Offer, device: str, folder: str, environment: Mapping[str, str]) -> None:
+    """Write what :func:`try_backend` finds, and all that is printed, to files of a folder; runs in the process."""
+    os.environ.clear()
+    os.environ.update(environment)
+    with Path(folder, _OUTPUT).open("wb") as output, open(os.devnull, "rb") as nothing:
+        os.dup2(nothing.fileno(), 0)
+        os.dup2(output.fileno(), 1)
+        os.dup2(output.fileno(), 2)
+    sys.stdout, sys.stderr = os.fdopen(1, "w", buffering=1), os.fdopen(2, "w", buffering=1)
+    found = try_backend(offer, device)
+    Path(folder, _ANSWER).write_text(json.dumps(asdict(found)), encoding="utf-8")
+    with suppress(OSError, ValueError):  # the backend has closed it
+        sys.stdout.flush()
     os._exit(0)  # threads and exit handlers of the backend must not keep the process
