@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from physic_core.discovery.backends import class_problem, find_backend, list_bac
 from physic_core.discovery.entry_points import Offer
 from physic_core.discovery.error_text import did_you_mean
 from physic_core.discovery.plugin_code import named_plugin_code
+from physic_core.discovery.process_state import describe_changes, kept_process_state
 from physic_core.errors import (
     AmbiguousBackendError,
     BackendError,
@@ -37,6 +39,8 @@ if TYPE_CHECKING:
     from physic_core.engine.settings import EngineSettings
     from physic_core.interfaces import Backend, Options
     from physic_core.weights.manifest import WeightSet
+
+_LOG = logging.getLogger(__name__)
 
 _Chosen: TypeAlias = "tuple[Offer, type[Backend], Options]"
 """A backend, its class, and its options."""
@@ -273,8 +277,10 @@ def _select(choices: Mapping[str, BackendChoice], source: Callable[[str], str]) 
 
 
 def _construct(offer: Offer, kind: type[Backend], options: Options) -> ResolvedBackend:
-    with named_plugin_code(f"{offer} cannot be constructed", kind):
+    with kept_process_state(loads=True) as changes, named_plugin_code(f"{offer} cannot be constructed", kind):
         backend = kind(options)
+    if changes:
+        _LOG.warning("the constructor of %s %s", offer, describe_changes(changes))
     return _resolved(offer, backend)
 
 

@@ -22,7 +22,7 @@ from physic_core.configuration.resolve import ResolvedPipeline, require_availabl
 from physic_core.errors import ConfigError, InputError, PhysicError
 from physic_core.io.photo import Photo, photo_path_for_messages, read_photo
 from physic_core.pipeline.prepared_photo import prepare_photo
-from physic_core.pipeline.stage_runner import LoadedBackends, StageRunner, wrap_plugin_errors
+from physic_core.pipeline.stage_runner import LoadedBackends, StageRunner
 from physic_core.types import CameraTrust, Intrinsics, Reconstruction
 
 if TYPE_CHECKING:
@@ -159,8 +159,7 @@ class Pipeline:
         with self._exclusive():
             load_body(self._plan.body_model)
             for resolved in self._plan.backends.values():
-                with wrap_plugin_errors(f"{resolved.title} cannot be loaded", resolved):
-                    self._loaded.load(resolved)
+                self._loaded.load(resolved)
                 if self.config.run.low_memory:
                     self._loaded.close(resolved)
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import copy
 import gc
+import logging
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import KW_ONLY, dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, cast
@@ -18,6 +19,7 @@ from physic_core.cache.results import canonicalize, network_results_in
 from physic_core.configuration.resolve import resolve_one
 from physic_core.discovery.error_text import describe_error, message_of, plugin_error, traceback_text
 from physic_core.discovery.plugin_code import plugin_code
+from physic_core.discovery.process_state import describe_changes, kept_process_state
 from physic_core.errors import BackendError, BackendOutputError, PhysicError
 from physic_core.interfaces.backend import Result, call, contract_violations, interface_of
 from physic_core.interfaces.checks import require_image
@@ -27,7 +29,10 @@ from physic_core.weights.lock import FileUse, recorded_uses
 if TYPE_CHECKING:
     from physic_core.cache.results import CacheKey, ResultCache
     from physic_core.configuration.resolve import ResolvedBackend
+    from physic_core.discovery.process_state import Change
     from physic_core.interfaces import Backend, Request
+
+_LOG = logging.getLogger(__name__)
 
 Progress = Callable[[str, int, int], None]
 """Called at the start of a stage with its name, its number from 0, and the number of stages."""
@@ -115,13 +120,12 @@ class StageRunner:
             result = self._read_cache(key, find_faults)
             cached = result is not None
             if result is None:
-                with wrap_plugin_errors(title, resolved):
-                    loading = self._loaded.load(resolved)
-                    self.files |= self._loaded.files_of(resolved)
-                    start = time.perf_counter()
+                loading = self._loaded.load(resolved, title, self.warn)
+                self.files |= self._loaded.files_of(resolved)
+                start = time.perf_counter()
+                with wrap_plugin_errors(title, resolved, self.warn), network_results_in(self.cache):
                     # A copy: the backend may write to its input, and later stages get the same arrays.
-                    with network_results_in(self.cache):
-                        result = call(resolved.backend, copy.deepcopy(request))
+                    result = call(resolved.backend, copy.deepcopy(request))
                 if found := find_faults(result):
                     message = f"{title} returned what the interface does not allow:\n  "
                     raise BackendOutputError(message + "\n  ".join(found))
@@ -174,7 +178,7 @@ class StageRunner:
             self.progress(name, len(self.records), self.total)
 
     def _close(self, *only: ResolvedBackend) -> None:
-        for error in self._loaded.close(*only):
+        for error in self._loaded.close(*only, report=self.warn):
             self._warn_of(error, "the result is complete, but memory may be lost")
 
     def _warn_of(self, error: PhysicError, otherwise: str) -> None:
@@ -186,7 +190,7 @@ class StageRunner:
     def _cache_key(self, title: str, resolved: ResolvedBackend, inputs: tuple[object, ...]) -> CacheKey | None:
         if self.cache is None or not resolved.cacheable:
             return None
-        with wrap_plugin_errors(title, resolved):
+        with wrap_plugin_errors(title, resolved, self.warn):
             return self.cache.key(resolved.backend, resolved.provenance, self.device, inputs)
 
     def _read_cache(self, key: CacheKey | None, find_faults: Callable[[object], list[str]]) -> object | None:
@@ -208,16 +212,25 @@ class LoadedBackends:
         self._ready: set[int] = set()
         self._uses: dict[int, dict[str, FileUse]] = {}
 
-    def load(self, resolved: ResolvedBackend) -> float:
+    def load(self, resolved: ResolvedBackend, title: str = "", report: Callable[[str], None] = _LOG.warning) -> float:
         """Load a backend unless it is loaded, and return the seconds taken.
 
         A backend whose ``load`` failed earlier is closed and reloaded.
+
+        Args:
+            resolved: the backend.
+            title: start of messages; names the backend if empty.
+            report: receives a sentence if the backend changes the state of the process.
+
+        Raises:
+            PhysicError: the backend cannot be loaded.
         """
         start, key = time.perf_counter(), id(resolved.backend)
         if key not in self._ready:
             self.close(resolved)
             self._loaded[key] = resolved  # before loading: a half-loaded backend is closed too
-            with recorded_uses() as uses:
+            title = title or f"{resolved.title} cannot be loaded"
+            with wrap_plugin_errors(title, resolved, report, loads=True), recorded_uses() as uses:
                 resolved.backend.load(self._device)
             self._uses[key] = uses
             self._ready.add(key)
@@ -227,14 +240,19 @@ class LoadedBackends:
         """Return the weight files that a loaded backend read."""
         return self._uses.get(id(resolved.backend), {})
 
-    def close(self, *only: ResolvedBackend) -> list[PhysicError]:
-        """Close these backends, or all; return the errors of those that cannot be closed."""
+    def close(self, *only: ResolvedBackend, report: Callable[[str], None] = _LOG.warning) -> list[PhysicError]:
+        """Close these backends, or all; return the errors of those that cannot be closed.
+
+        Args:
+            only: the backends; all if none is given.
+            report: receives a sentence for a backend that changes the state of the process.
+        """
         failed = []
         for resolved in only or tuple(self._loaded.values()):
             self._ready.discard(id(resolved.backend))
             if self._loaded.pop(id(resolved.backend), None) is not None:
                 try:
-                    with wrap_plugin_errors(f"{resolved.title} cannot be closed", resolved):
+                    with wrap_plugin_errors(f"{resolved.title} cannot be closed", resolved, report):
                         resolved.backend.close()
                 except PhysicError as error:
                     failed.append(error)
@@ -260,16 +278,29 @@ def load_backend(interface: str, name: str, /, *, device: str = "cpu", **options
     """
     resolved = resolve_one(interface, name, options)
     check_device(device)
-    with wrap_plugin_errors(f"{resolved.title} cannot be loaded", resolved):
-        LoadedBackends(device).load(resolved)
+    LoadedBackends(device).load(resolved)
     return resolved.backend
 
 
 @contextmanager
-def wrap_plugin_errors(title: str, resolved: ResolvedBackend) -> Iterator[None]:
-    """Convert every exception of a plugin to a PhysicError that names the backend and the stage."""
+def wrap_plugin_errors(
+    title: str, resolved: ResolvedBackend, report: Callable[[str], None] | None = None, *, loads: bool = False
+) -> Iterator[None]:
+    """Run code of a backend: its exceptions become PhysicErrors, and the state of the process stays as it was.
+
+    Args:
+        title: start of the messages of errors: names the backend, and the stage or what failed.
+        resolved: the backend.
+        report: receives a sentence if the backend changed state of the process, which is restored. None for code that
+            only touches what the backend returned: no state is kept.
+        loads: whether the backend is loaded: networks are built with random weights first.
+
+    Raises:
+        PhysicError: of the class that the backend raised, or BackendError; its message starts with ``title``.
+    """
+    changes: list[Change] = []
     try:
-        with plugin_code():
+        with nullcontext(changes) if report is None else kept_process_state(loads=loads) as changes, plugin_code():
             yield
     except PhysicError as error:
         kind = type(error)
@@ -277,3 +308,6 @@ def wrap_plugin_errors(title: str, resolved: ResolvedBackend) -> Iterator[None]:
         raise known(f"{title}: {message_of(error)}") from error
     except Exception as cause:
         raise BackendError(f"{title}: {describe_error(cause, type(resolved.backend))}") from plugin_error(cause)
+    finally:
+        if report is not None and changes:
+            report(f"{resolved.title} {describe_changes(changes)}")

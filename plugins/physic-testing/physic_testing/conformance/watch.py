@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 import os
-import random
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
 
+from physic_core.discovery.process_state import kept_process_state
 from physic_testing.conformance.field_comparison import named_values
 from physic_testing.conformance.network_and_memory import resident_megabytes
+
+if TYPE_CHECKING:
+    from physic_core.discovery.process_state import Change
 
 
 class Watch:
     """Record of what the watched calls changed in the process.
 
     Attributes:
-        changed: settings of the process -> their change, in words.
+        changed: names of settings of the process -> name and values.
         files: names that appeared in the current folder.
         printed: text that was written to the standard output.
         growth: memory that each call took beyond its result, MB.
@@ -39,28 +42,27 @@ class Watch:
         self.after_one_call: dict[int, int] | None = None
 
     @contextmanager
-    def settings(self) -> Iterator[None]:
-        """Watch the settings of the process."""
-        before = _settings()
+    def settings(self, *, loads: bool = False) -> Iterator[None]:
+        """Watch the settings of the process, and restore them."""
+        changes: list[Change] = []
         try:
-            yield
+            with kept_process_state(loads=loads) as changes:
+                yield
         finally:
-            for name, value in _settings().items():
-                if name in before and before[name] != value:
-                    self.changed.setdefault(name, f"{before[name]} -> {value}")
+            self.changed |= {change.name: change.text for change in changes}
 
     @contextmanager
     def load(self) -> Iterator[None]:
         """Watch a call of ``load``, with another number of torch's threads: an earlier load may have set its own."""
         torch = sys.modules.get("torch")
         if torch is None:
-            with self.settings():
+            with self.settings(loads=True):
                 yield
             return
         threads = torch.get_num_threads()
         torch.set_num_threads(threads + 1)
         try:
-            with self.settings():
+            with self.settings(loads=True):
                 yield
         finally:
             torch.set_num_threads(threads)
@@ -94,30 +96,6 @@ class _Copied:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
-
-
-def _settings() -> dict[str, Any]:
-    """Return the settings of the process that a call must not change; those of packages that are imported."""
-    found: dict[str, Any] = {
-        "random": hash(random.getstate()),
-        "numpy.random": hash(_numpy_state()),
-        "the current folder": os.getcwd(),
-    }
-    torch, cv2 = sys.modules.get("torch"), sys.modules.get("cv2")
-    if torch is not None:
-        found["torch's generator"] = hash(torch.get_rng_state().numpy().tobytes())
-        found["torch's threads"] = torch.get_num_threads()
-        found["torch's gradient mode"] = torch.is_grad_enabled()
-        found["torch's default dtype"] = torch.get_default_dtype()
-    if cv2 is not None:
-        found["OpenCV's threads"] = cv2.getNumThreads()
-    return found
-
-
-def _numpy_state() -> bytes:
-    """Return the state of numpy's global generator."""
-    state: Any = np.random.get_state(legacy=False)["state"]
-    return bytes(state["key"].tobytes() + state["pos"].to_bytes(4, "little"))
 
 
 def _names() -> set[str]:

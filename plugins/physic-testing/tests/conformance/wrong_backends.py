@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
+import torch
 from pydantic import ConfigDict, Field
 from right_backends import (
     SIZE,
@@ -364,6 +365,13 @@ class Seeding(RightMetricDepth):
     def infer(self, image, hints):
         np.random.seed(len(image))
         return super().infer(image, hints)
+
+
+@wrong("faster products for everybody", "changes_no_settings_of_the_process")
+class Precision(RightMetricDepth):
+    def load(self, device="cpu"):
+        super().load(device)
+        torch.set_float32_matmul_precision("medium")
 
 
 @wrong("a picture for debugging", "writes_no_files")
