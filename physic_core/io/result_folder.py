@@ -48,7 +48,7 @@ PEOPLE_TABLE = "people.csv"
 MAX_DOCUMENT_BYTES = 64 << 20
 FILES = (DOCUMENT_FILE, ARRAYS_FILE, PREVIEW_FILE, GLB_FILE, REPORT_FILE, PEOPLE_TABLE)
 _RUN = re.compile(rb'\{\s*"schema": "physic-reconstruction",\s*"schema_version": \d+,\s*"run": "(\w+)"')
-_LISTED = re.compile(r"(?:[^/\\]*[^/\\.][^/\\]*/)?[^/\\]*[^/\\.][^/\\]*", re.DOTALL)
+_LISTED = re.compile(r"(?:[^/\\]*[^/\\.][^/\\]*/)*[^/\\]*[^/\\.][^/\\]*", re.DOTALL)
 """Name of a file of a result, which may lie in a folder beside the document."""
 _END_BYTES = 1000
 _PARTS = f".{DOCUMENT_FILE}.*.physic-document"
@@ -228,7 +228,7 @@ def _earlier_files(folder: Path, replaced: Replaced) -> tuple[set[str], set[str]
     there = {name for name in (*replaced.earlier, *itertools.chain(*digests)) if os.path.lexists(folder / name)}
 
     def is_unchanged(name: str) -> bool:
-        is_link = any(os.path.islink(folder / part) for part in (name, *Path(name).parts[:-1]))
+        is_link = os.path.realpath(folder / name) != os.path.join(os.path.realpath(folder), name)
         return not is_link and file_digest(folder / name) in {one.get(name) for one in digests}
 
     unchanged = set(filter(is_unchanged, there))

@@ -111,3 +111,13 @@ def test_a_run_removes_the_model_of_an_earlier_result_with_its_folders(result: R
     result.save(str(out), "numbers")
     assert {file.name for file in out.iterdir()} == before | {"images"}
     assert [file.name for file in (out / "images").iterdir()] == ["mine.jpg"]
+
+
+def test_a_run_removes_no_file_behind_a_link_that_replaced_a_folder(result: Reconstruction, tmp_path: Path):
+    out, moved = tmp_path / "out", tmp_path / "moved"
+    result.save(str(out), "numbers")
+    assert CliRunner().invoke(main, ["export", str(out), "--to", "colmap"]).exit_code == 0
+    (out / "sparse" / "0").rename(moved)
+    (out / "sparse" / "0").symlink_to(moved)
+    result.save(str(out), "numbers")
+    assert len(list(moved.iterdir())) == 3
