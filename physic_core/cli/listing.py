@@ -14,7 +14,7 @@ from physic_core.discovery.error_text import describe_error, traceback_text
 from physic_core.discovery.local_modules import split_folder
 from physic_core.discovery.plugin_code import named_plugin_code
 from physic_core.discovery.plugins import broken_plugins
-from physic_core.errors import BackendError
+from physic_core.errors import BackendError, PhysicError
 
 if TYPE_CHECKING:
     from physic_core.discovery.entry_points import Offer
@@ -22,9 +22,14 @@ if TYPE_CHECKING:
 
 
 def plugins_table(interface: str | None = None) -> str:
-    """Format the table of installed backends and broken plugins; no backend is imported."""
-    rows = [("interface", "backend", "plugin", "version")]
-    rows += [(one.interface, one.name, one.distribution, one.version or "-") for one in list_backends(interface)]
+    """Format the table of installed backends and broken plugins; no backend is imported.
+
+    The state is that of the weights that a backend uses by default, by the manifests of its distribution, and what
+    they say that it needs besides.
+    """
+    rows = [("interface", "backend", "plugin", "version", "state")]
+    for one in list_backends(interface):
+        rows.append((one.interface, one.name, one.distribution, one.version or "-", _state(one)))
     broken = broken_plugins()
     lines = [format_table(rows)]
     if len(rows) == 1:
@@ -34,6 +39,21 @@ def plugins_table(interface: str | None = None) -> str:
     lines += [f"BROKEN: {plugin}" for plugin in broken]
     lines += [traceback_text(plugin.error).rstrip("\n") for plugin in broken]
     return "\n".join(filter(None, lines))
+
+
+def _state(offer: Offer) -> str:
+    """Return "ready", or what a backend with default options needs as far as manifests of weights tell."""
+    from physic_core.weights.find import presence
+    from physic_core.weights.library import default_sets
+
+    try:
+        sets = default_sets(offer)
+    except PhysicError:
+        return "its list of weights is invalid"
+    lacking = [one.name for one in sets if presence(one) in ("missing", "in part")]
+    needs = ["weights"] if lacking else []
+    needs += dict.fromkeys(text for one in sets for text in one.needs.split(", ") if text)
+    return f"needs {', '.join(needs)}" if needs else "ready"
 
 
 def describe_backend(offer: Offer) -> str:

@@ -19,7 +19,6 @@ from physic_core.errors import ConfigError
 
 if TYPE_CHECKING:
     from physic_core.cache.folders import CacheFile, LruFolder
-    from physic_core.weights.library import ListedWeights
 
 _USE = {True: "yes", False: "NO", None: "not stated"}
 
@@ -37,11 +36,11 @@ def weights() -> None:
 @click.option("--missing", is_flag=True, help="Only sets that are missing, incomplete or of unexpected size.")
 def list_weights(missing: bool) -> None:
     """List all weight sets: plugin, size, licence, and whether they are on this machine."""
-    from physic_core.weights.find import format_size
+    from physic_core.weights.find import format_size, presence
     from physic_core.weights.library import read_library
 
     library = read_library()
-    sets = [one for one in library.sets if not (missing and _state(one) == "here")]
+    sets = [one for one in library.sets if not (missing and presence(one.weights) == "here")]
     rows = [("weights", "plugin", "size", "commercial use", "account", "state", "licence")]
     for one in sets:
         found = one.weights
@@ -49,7 +48,7 @@ def list_weights(missing: bool) -> None:
         rows.append(
             (
                 *(found.name, one.offer.distribution, format_size(found.bytes) or "-", _USE[found.commercial], account),
-                *(_state(one), found.license),
+                *(presence(one.weights), found.license),
             )
         )
     for offer, why in library.broken:
@@ -85,19 +84,6 @@ def verify(ctx: click.Context, names: tuple[str, ...]) -> None:
     files = "1 file" if count.total() == 1 else f"{count.total()} files"
     echo(f"{files}: {count['ok']} ok, {count['DIFFERS']} differ, {count['missing']} missing")
     ctx.exit(WEIGHTS if count["DIFFERS"] or count["missing"] else 0)
-
-
-def _state(one: ListedWeights) -> str:
-    """Return whether a weight set is missing, incomplete or present; compares sizes, not hashes."""
-    from physic_core.weights.find import locate_files
-
-    here = locate_files(one.weights)
-    if not here:
-        return "missing"
-    if len(here) < len(one.weights.files):
-        return "in part"
-    sizes = [file.bytes in (None, here[file.path].stat().st_size) for file in one.weights.files]
-    return "here" if all(sizes) else "here, DIFFERS"
 
 
 @click.group()

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Literal
 
 from physic_core.cache.digests import remembered_sha256
 from physic_core.cache.folders import cache_folder
@@ -139,6 +140,17 @@ def locate_files(weights: WeightSet) -> Mapping[str, Path]:
             places.append({file.path: found for file in variant.files if (found := find_in_hub_cache(file))})
     complete = (place for place in places if len(place) == len(weights.files))
     return next(complete, ChainMap(*places))
+
+
+def presence(weights: WeightSet) -> Literal["missing", "in part", "here", "here, DIFFERS"]:
+    """Return whether a weight set is on this machine; sizes are compared, not hashes."""
+    here = locate_files(weights)
+    if not here:
+        return "missing"
+    if len(here) < len(weights.files):
+        return "in part"
+    sizes = [file.bytes in (None, here[file.path].stat().st_size) for file in weights.files]
+    return "here" if all(sizes) else "here, DIFFERS"
 
 
 def common_folder(files: Mapping[str, Path]) -> Path | None:

@@ -94,6 +94,17 @@ def named_sets(distribution: str, options: Mapping[str, Any]) -> tuple[WeightSet
     return tuple(found.values())
 
 
+def default_sets(backend: Offer) -> tuple[WeightSet, ...]:
+    """Return the weight sets that a backend uses by default, as the manifests of its distribution state it.
+
+    Raises:
+        PhysicError: a manifest of the distribution is invalid.
+    """
+    name = f"{backend.interface}.{backend.name}"
+    lists = [offer for offer in installed_offers(WEIGHTS_GROUP) if offer.distribution == backend.distribution]
+    return tuple(one for offer in lists for one in _sets(offer).values() if name in one.default_of)
+
+
 def licence_text(sets: Iterable[WeightSet]) -> str:
     """Return the licences of weight sets, each once, and where one forbids commercial use; "" without sets."""
     licences = [f"{one.license}, no commercial use" if _hides_its_terms(one) else one.license for one in sets]

@@ -10,6 +10,8 @@
     homepage = "https://huggingface.co/Ruicheng/moge-2-vits-normal-onnx"
     advice = ""            # how to get files that have no source
     mirrors = []           # repositories of Hugging Face with the same files, tried after the source
+    default_of = ["metric_depth.moge-2-onnx"]  # backends that use the set unless an option names another
+    needs = ""             # what these backends need besides, such as "a GPU"
     [[moge-2-vits-normal.files]]
     path = "model.onnx"    # relative to the folder of the set
     bytes = 140852051
@@ -144,6 +146,8 @@ class WeightSet:
         advice: how to get files that have no source.
         mirrors: "owner/name" of Hugging Face repositories that hold the same files, wherever inside and under
             whatever name: a file is recognised by its SHA-256. They are tried after the source, in this order.
+        default_of: "INTERFACE.NAME" of the backends that use the set unless an option names another.
+        needs: what its backends need besides files and packages, separated by commas, such as "a GPU".
         files: at least one; with mirrors, all have a SHA-256.
     """
 
@@ -157,6 +161,8 @@ class WeightSet:
     homepage: str = ""
     advice: str = ""
     mirrors: tuple[Annotated[str, Field(pattern=r"^[\w.-]+/[\w.-]+$")], ...] = ()
+    default_of: tuple[_Text, ...] = ()
+    needs: str = ""
     files: tuple[WeightFile, ...] = ()
 
     @property

@@ -209,8 +209,8 @@ def test_debug_shows_the_traceback(pipeline, monkeypatch):
 def test_the_listing_names_interface_backend_and_plugin_of_each_backend(site):
     site.offer("physic-mine", "inpainter", "own", version="1.2")
     head, *rows = physic("plugins", "--interface", "inpainter").stdout.splitlines()
-    assert head.split() == ["interface", "backend", "plugin", "version"]
-    assert ["inpainter", "own", "physic-mine", "1.2"] in [row.split() for row in rows]
+    assert head.split() == ["interface", "backend", "plugin", "version", "state"]
+    assert ["inpainter", "own", "physic-mine", "1.2", "ready"] in [row.split() for row in rows]
     assert {row.split()[0] for row in rows} == {"inpainter"}
 
 
@@ -243,6 +243,23 @@ class Net(interfaces.Inpainter):
 
     def infer(self, image, mask): return image
 """
+
+
+def test_the_listing_says_what_a_backend_needs_without_its_import(site, tmp_path, monkeypatch):
+    manifest = MANIFEST.replace("[odd]", '[odd]\ndefault_of = ["inpainter.net"]\nneeds = "a GPU, a key"')
+    folder = site.list_weights("physic-lists", manifest).parent
+    entry = f"[physic.inpainter]\nnet = physic_net:Net\n[physic.weights]\nnet = {folder.name}\n"
+    site.install("physic-net", "raise ImportError('imported')", entry=entry)
+
+    def state() -> str:
+        rows = physic("plugins", "--interface", "inpainter").stdout.splitlines()
+        return next(row for row in rows if " net " in row)
+
+    assert state().endswith(" needs weights, a GPU, a key")
+    (tmp_path / "odd").mkdir()
+    (tmp_path / "odd" / "odd.onnx").touch()
+    monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path))
+    assert state().endswith(" needs a GPU, a key")
 
 
 @pytest.mark.parametrize(("default", "printed"), [("odd", "Odd License, no commercial use; MIT"), ("free", "MIT")])

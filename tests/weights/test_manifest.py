@@ -5,9 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from physic_core.discovery.backends import list_backends, load_class
 from physic_core.errors import BackendError
 from physic_core.weights import read_manifest
-from physic_core.weights.library import read_library
+from physic_core.weights.library import default_sets, named_sets, read_library
 from physic_core.weights.manifest import HubSource, WebSource, is_inside
 
 SIMPLE = '[net]\nsummary = "A network"\nlicense = "MIT"\n[[net.files]]\npath = "model.onnx"\n'
@@ -140,6 +141,18 @@ def test_a_path_out_of_the_folder_is_refused_everywhere(tmp_path: Path, path: st
         SIMPLE + f"source = 'hf://owner/repo/{path}'\n",
     ):
         assert "net" in fault(write(tmp_path, text)), text
+
+
+def test_manifests_name_the_backends_that_use_their_sets_by_default():
+    for offer in list_backends():
+        kind = load_class(offer)
+        fields = kind.Options.model_fields
+        options = {name: field.get_default() for name, field in fields.items() if not field.is_required()}
+        named = {one.name for one in named_sets(offer.distribution, options)}
+        stated = default_sets(offer)
+        assert {one.name for one in stated} == named, offer
+        if "needs_cuda" in getattr(kind, "capabilities", ()):
+            assert all("a GPU" in one.needs for one in stated), offer
 
 
 def test_every_installed_manifest_is_valid():
