@@ -87,6 +87,16 @@ _STARTS = {
     b"\xff\x4f\xff\x51": "JPEG2000",
     **{b"P%d" % i: "PPM" for i in range(1, 7)},
 }
+_RAW_STARTS = (
+    b"FUJIFILMCCD-RAW",
+    *(b"IIRO", b"IIRS", b"MMOR"),  # Olympus
+    *(b"IIU\x00", b"\x00MRM", b"FOVb"),  # Panasonic, Minolta, Sigma
+)
+_RAW_PARTS = {4: b"ftypcrx ", 6: b"HEAPCCDR", 8: b"CR\x02"}  # Canon
+_RAW_SUFFIXES = frozenset(
+    ".3fr .arw .cr2 .cr3 .crw .dcr .dng .erf .iiq .kdc .mef .mos .mrw .nef .nrw .orf .pef .raf .raw .rw2 .rwl .sr2 "
+    ".srf .srw .x3f".split()
+)
 
 
 @dataclass(frozen=True)
@@ -111,6 +121,11 @@ class ImageSource:
         # Line ends and escape sequences in a file name would change the message.
         text = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in self.name)
         return f"{self.what} {text}"
+
+    @property
+    def suffix(self) -> str:
+        """Suffix of the path in small letters; "" without a path."""
+        return "" if self.path is None else self.path.suffix.lower()
 
     def open(self) -> BufferedReader | BytesIO:
         """Open the file for reading.
@@ -154,6 +169,12 @@ class ImageSource:
             "or save it again from a program that shows it completely"
         )
 
+    def raw(self) -> InputError:
+        """Return the error for a raw file of a camera."""
+        return InputError(
+            f"cannot use the {self}: it is a raw file of a camera: develop it first, and give the JPEG, TIFF or PNG"
+        )
+
     def too_large(self, limit: int = MAX_PIXELS) -> InputError:
         """Return the error for an image of more pixels than a limit."""
         return InputError(
@@ -177,7 +198,10 @@ def open_image(source: ImageSource) -> Iterator[tuple[Image.Image, BufferedReade
         InputError: the file cannot be read, is not an image of a known format, is damaged or too large.
     """
     with source.open() as file:
-        kind = _kind(file.read(64))
+        start = file.read(64)
+        kind = _kind(start)
+        if _is_raw(start) or (kind in (None, "TIFF") and source.suffix in _RAW_SUFFIXES):
+            raise source.raw()
         if kind is None:
             raise InputError(
                 f"cannot read the {source}: it is not an image, or of an unknown kind; give {source.formats}"
@@ -249,6 +273,11 @@ def wrap_decoding_errors(source: ImageSource) -> Iterator[None]:
         finally:
             for (module, name), value in zip(_SWITCHES, before, strict=True):
                 setattr(module, name, value)
+
+
+def _is_raw(start: bytes) -> bool:
+    """Return whether a file is the raw file of a camera, by its first 64 bytes; other raw files are TIFF."""
+    return start.startswith(_RAW_STARTS) or any(start[at:].startswith(part) for at, part in _RAW_PARTS.items())
 
 
 def _kind(start: bytes) -> str | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from physic_core.types import CameraTrust, Intrinsics
@@ -30,6 +31,7 @@ _SENSOR_MM = (4.0, 56.0)  # width, from small phones to medium format
 # Of the logarithms of two focal lengths: one is in whole mm, and sensors are a few % off their nominal size.
 _AGREEMENT = 0.1
 _SAME_SIZE = 0.01
+_EDITED_SIGMA = 0.05  # of the logarithm of a focal length that two tags state in a file of an editor: _AGREEMENT / 2
 _SENSOR_ASPECTS = (4 / 3, 3 / 2)
 _ASPECT_ERROR = 0.02  # 4608 x 3456, 6048 x 4024: cameras leave a few rows out
 _EDITORS = re.compile(
@@ -53,7 +55,8 @@ def intrinsics_from_exif(
 
     The focal length is that of ``FocalLengthIn35mmFilm``, relative to the diagonal of the 36 x 24 mm frame, or
     otherwise of ``FocalLength`` and the resolution of the focal plane. Where both agree, the photo is as the camera
-    wrote it, since a crop or a resize changes only one of them. A single one counts unless the software is an editor or
+    wrote it, since a crop or a resize changes only one of them; it is known unless an editor saved the file. A single one
+    counts unless the software is an editor or
     the tagged pixel size is not the file's. A single equivalent also needs the aspect of a sensor, since cameras that
     crop photos to 16:9 or a square state the equivalent of the whole sensor.
 
@@ -65,7 +68,8 @@ def intrinsics_from_exif(
         orientation: EXIF orientation, 1-8.
 
     Returns:
-        The intrinsics, or None if the tags do not determine them; and a note if a focal length was ignored, else None.
+        The intrinsics, or None if the tags do not determine them; and a note if a focal length was ignored or is not
+        known exactly, else None.
     """
     plane, equivalent = _plane_focal(tags, stored), _number(tags.get(_FOCAL_LENGTH_35MM))
     if equivalent:
@@ -80,7 +84,13 @@ def intrinsics_from_exif(
     scale = max(width, height) / max(stored)
     fx, fy = (scale * f for f in (focal[::-1] if swaps_sides(orientation) else focal))
     camera = Intrinsics(fx, fy, (width - 1) / 2, (height - 1) / 2, width, height, source, CameraTrust.KNOWN)
-    return camera, None
+    editor = _EDITORS.search(str(tags.get(_SOFTWARE)))
+    if editor is None:
+        return camera, None
+    note = (
+        f"the focal length in the EXIF data may be off by {_EDITED_SIGMA:.0%}: an editor saved the photo ({editor[0]})"
+    )
+    return replace(camera, trust=CameraTrust.ESTIMATED, focal_sigma=_EDITED_SIGMA), note
 
 
 def _plane_focal(tags: Mapping[int, Any], stored: tuple[int, int]) -> tuple[float, float] | None:

@@ -215,10 +215,7 @@ def _read(image: Image.Image, source: ImageSource) -> Photo:
     if image.mode == "F":
         raise InputError(f"cannot use the {source}: its pixels are floating point; save it with 8 bits per channel")
     if _is_raw(image):
-        raise InputError(
-            f"cannot use the {source}: it is a raw file of a camera, of which only a thumbnail can be read: develop it "
-            "first, and give the JPEG, TIFF or PNG"
-        )
+        raise source.raw()
     notes = list(_frame_notes(image))
     xmp = image.info.get("xmp") or image.info.get("XML:com.adobe.xmp") or ""
     deep = _is_deep(image)  # before decoding, which discards the mode of the file

@@ -79,6 +79,15 @@ BLOCKS = [
 def test_a_focal_length_is_right_or_not_known(tags, size, sensor_mm, is_known) -> None:
     camera, note = intrinsics_from_exif({_TAGS[name]: value for name, value in tags.items()}, size, *size)
     assert (camera is not None) == is_known
-    assert note is None or not is_known
+    assert note is None or not is_known or not camera.known
     if camera is not None:
         assert max(camera.fx, camera.fy) == pytest.approx(tags["mm"] / sensor_mm * max(size), rel=0.06)
+
+
+@pytest.mark.parametrize(("software", "sigma"), [("ILCE-7M3 v3.10", None), ("Adobe Photoshop Lightroom 10.0", 0.05)])
+def test_the_lens_of_a_file_that_an_editor_saved_is_an_estimate(software: str, sigma: float | None) -> None:
+    tags = {_TAGS[name]: value for name, value in {**ALPHA_7M3, "software": software}.items()}
+    camera, note = intrinsics_from_exif(tags, (6000, 4000), 6000, 4000)
+    assert camera is not None
+    assert (camera.known, camera.focal_sigma) == (sigma is None, sigma)
+    assert (note is None) == (sigma is None)

@@ -97,6 +97,18 @@ REFUSED = {
     "counts.tiff": (lambda path: saved(np.full((HEIGHT, WIDTH), 1 << 20, np.int32), path), "32 bits"),
     "panorama.jpg": (lambda path: saved(WIDE, path, xmp=XMP), "equirectangular"),
     "panorama.webp": (lambda path: saved(WIDE, path, xmp=XMP), "equirectangular"),
+    **{
+        f"{name}.jpg": (lambda path, start=start: path.write_bytes(start + bytes(64)), "raw file")
+        for name, start in {
+            "cr3": b"\0\0\0\x18ftypcrx \0\0\0\1crx isom",
+            "cr2": b"II*\0\x10\0\0\0CR\2\0",
+            "crw": b"II\x1a\0\0\0HEAPCCDR",
+            "raf": b"FUJIFILMCCD-RAW 0201",
+            "orf": b"IIRO\x08\0\0\0",
+            "rw2": b"IIU\0\x18\0\0\0",
+        }.items()
+    },
+    "sony.arw": (lambda path: saved(np.zeros((HEIGHT, WIDTH, 3), np.uint8), path, format="TIFF"), "develop it first"),
     "raw.dng.tif": (lambda path: saved(np.zeros((HEIGHT, WIDTH, 3), np.uint8), path, tiffinfo={254: 1}), "develop"),
     "panorama.tif": (lambda path: saved(WIDE, path, tiffinfo={700: XMP}), "equirectangular"),
 }
