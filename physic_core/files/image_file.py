@@ -93,9 +93,9 @@ _RAW_STARTS = (
     *(b"IIU\x00", b"\x00MRM", b"FOVb"),  # Panasonic, Minolta, Sigma
 )
 _RAW_PARTS = {4: b"ftypcrx ", 6: b"HEAPCCDR", 8: b"CR\x02"}  # Canon
-_RAW_SUFFIXES = frozenset(
-    ".3fr .arw .cr2 .cr3 .crw .dcr .dng .erf .iiq .kdc .mef .mos .mrw .nef .nrw .orf .pef .raf .raw .rw2 .rwl .sr2 "
-    ".srf .srw .x3f".split()
+_RAW_SUFFIXES = (
+    *(".3fr", ".arw", ".cr2", ".cr3", ".crw", ".dcr", ".dng", ".erf", ".iiq", ".kdc", ".mef", ".mos", ".mrw", ".nef"),
+    *(".nrw", ".orf", ".pef", ".raf", ".raw", ".rw2", ".rwl", ".sr2", ".srf", ".srw", ".x3f"),
 )
 
 

@@ -55,10 +55,10 @@ def intrinsics_from_exif(
 
     The focal length is that of ``FocalLengthIn35mmFilm``, relative to the diagonal of the 36 x 24 mm frame, or
     otherwise of ``FocalLength`` and the resolution of the focal plane. Where both agree, the photo is as the camera
-    wrote it, since a crop or a resize changes only one of them; it is known unless an editor saved the file. A single one
-    counts unless the software is an editor or
-    the tagged pixel size is not the file's. A single equivalent also needs the aspect of a sensor, since cameras that
-    crop photos to 16:9 or a square state the equivalent of the whole sensor.
+    wrote it, since a crop or a resize changes only one of them; if an editor saved it, they are an estimate. A single
+    one counts unless the software is an editor or the tagged pixel size is not the file's. A single equivalent also
+    needs the aspect of a sensor, since cameras that crop photos to 16:9 or a square state the equivalent of the whole
+    sensor.
 
     Args:
         tags: of the first IFD and of the Exif IFD, tag number -> value.

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.errors import InputError
+from physic_core.errors import ConfigError, InputError
 from physic_core.io.keypoint_file import GivenKeypoints, read_keypoints
 from physic_core.io.photo import Photo, limit_size
 from physic_core.pipeline.border import Border, cut_border, find_inside, limit_inside
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     Move = Callable[[FloatArray], FloatArray]
 
 _EDGE_POINTS = 9  # along each side of a box
+_SAME_CENTRE = 0.03  # relative difference of width and height of a picture by the principal point in its centre
+_OTHER_SIZE = 0.1  # relative difference of its size from the photo's that no lens explains
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,7 @@ def prepare_photo(
         known: px of the upright file, or None.
 
     Raises:
+        ConfigError: the intrinsics are those of another size of the picture.
         InputError: people, keypoints or distortion cannot be used.
     """
     file_size = photo.file_size or photo.image.shape[1::-1]
@@ -104,12 +107,36 @@ def _with_camera(photo: Photo, settings: PhotoSettings) -> Photo:
     height, width = photo.image.shape[:2]
     file_width, file_height = photo.file_size or (width, height)
     if settings.intrinsics is not None:
+        _check_picture_of(settings.intrinsics, file_width, file_height)
         given = Intrinsics(*settings.intrinsics, file_width, file_height, trust=CameraTrust.KNOWN)
     elif settings.focal_px is not None:
         given = Intrinsics.from_focal(settings.focal_px, file_width, file_height, trust=CameraTrust.KNOWN)
     else:
         return photo
     return replace(photo, intrinsics=given.resized(width, height))
+
+
+def _check_picture_of(intrinsics: Sequence[float], width: int, height: int) -> None:
+    """Check that the principal point is not the centre of the same picture in another size, or turned.
+
+    Raises:
+        ConfigError: it is.
+    """
+    fx, fy, cx, cy = intrinsics
+    for (w, h), turned in (((width, height), ""), ((height, width), ", turned")):
+        across, down = (cx + 0.5) * 2 / w, (cy + 0.5) * 2 / h
+        if min(across, down) <= 0 or abs(across / down - 1) > _SAME_CENTRE:
+            continue
+        scale = (across + down) / 2
+        if not turned and abs(scale - 1) <= _OTHER_SIZE:
+            return
+        right = (fy, fx, cy, cx) if turned else (fx, fy, cx, cy)
+        here = ",".join(f"{value / scale:.0f}" for value in right)
+        raise ConfigError(
+            f"the intrinsics are those of a picture of about {scale * w:.0f} x {scale * h:.0f} px{turned}, by their "
+            f"principal point ({cx:g}, {cy:g}), and the photo has {width} x {height} px: give those of the photo, "
+            f"about {here}; for a crop with this principal point, pass Intrinsics in Python"
+        )
 
 
 def undistort(
@@ -203,6 +230,9 @@ def check_prompt(prompt: PeoplePrompt, width: int, height: int) -> PeoplePrompt:
     if not len(checked):
         raise InputError("no person is chosen: give at least one point, box or mask, or omit the prompt for all people")
     size = f"the upright photo of {width} x {height} px"
+    numbers = np.array([value for place in (*points, *boxes) for value in place])
+    if ((numbers >= 0) & (numbers <= 1)).all() and (numbers % 1).any():
+        raise InputError(f"the coordinates of people look like shares of the picture: give px of {size}")
     for i, (x, y) in enumerate(checked.points):
         if not (-0.5 <= x < width - 0.5 and -0.5 <= y < height - 0.5):
             raise InputError(f"{checked.describe(i)} lies outside {size}: give x, y in its px")

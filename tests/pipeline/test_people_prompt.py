@@ -17,6 +17,7 @@ from physic_core.types import PeoplePrompt
         (PeoplePrompt(points=((3, 3), (40, 3))), r"point 2 \(40, 3\) lies outside"),
         (PeoplePrompt(points=((1, float("nan")),)), r"finite numbers \(got \(1, nan\)\)"),
         (PeoplePrompt(boxes=((9, 2, 3, 8),)), r"box 1 \(9, 2, 3, 8\) is empty"),
+        (PeoplePrompt(boxes=((0.1, 0.2, 0.5, 0.9),)), "shares of the picture"),
         (PeoplePrompt(boxes=((40, 2, 50, 8),)), r"box 1 \(40, 2, 50, 8\) lies outside"),
         (PeoplePrompt(masks=np.ones((1, 40, 30), bool)), "masks have 30 x 40 px"),
         (PeoplePrompt(masks=np.ones((2, 30, 40), bool)), "overlap"),

@@ -12,7 +12,7 @@ from physic_core import Pipeline, body, load_config, reconstruct
 from physic_core.adapters.pictures import dilate
 from physic_core.configuration.model import PhotoSettings
 from physic_core.engine.joint.problem import OtherView
-from physic_core.errors import BodyModelError
+from physic_core.errors import BodyModelError, ConfigError
 from physic_core.io.photo import Photo
 from physic_core.pipeline.backend_results import replace_hands
 from physic_core.pipeline.floor_and_scale import feet_pixels
@@ -96,6 +96,32 @@ def test_a_configured_camera_is_in_pixels_of_the_file() -> None:
     assert (given.fx, given.cx, given.cy, given.width, given.height) == (250, 99.5, 49.5, 200, 100)
     given = prepare_photo(reduced, PhotoSettings(intrinsics=(500, 400, 199.5, 99.5)), None, None).photo.intrinsics
     assert (given.fx, given.fy, given.cx, given.cy) == (250, 200, 99.5, 49.5)
+
+
+@pytest.mark.parametrize(
+    ("intrinsics", "size", "right"),
+    [
+        ((1306, 1306, 767.5, 510.9), "1536 x 1023 px,", "1632,1632,959"),
+        ((3264, 3264, 1919.5, 1277.5), "3840 x 2556 px,", "1632,1632"),
+        ((1640, 1632, 638.5, 959.5), "1278 x 1920 px, turned", "1632,1640,960,638"),
+        ((816, 820, 319, 479.5), "639 x 960 px, turned", "1640,1632"),
+    ],
+)
+def test_intrinsics_of_another_size_of_the_picture_are_refused(
+    intrinsics: tuple[float, float, float, float], size: str, right: str
+) -> None:
+    photo = Photo(np.zeros((1278, 1920, 3), np.uint8))
+    with pytest.raises(ConfigError) as caught:
+        prepare_photo(photo, PhotoSettings(intrinsics=intrinsics), None, None)
+    assert size in str(caught.value)
+    assert right in str(caught.value)
+
+
+@pytest.mark.parametrize("centre", [(959.5, 638.5), (1010, 600), (1300, 500), (700, 638.5)])
+def test_intrinsics_of_a_lens_or_of_a_crop_are_taken(centre: tuple[float, float]) -> None:
+    photo = Photo(np.zeros((1278, 1920, 3), np.uint8))
+    found = prepare_photo(photo, PhotoSettings(intrinsics=(1632, 1632, *centre)), None, None).photo.intrinsics
+    assert found is not None
 
 
 def test_a_configured_camera_wins_over_the_files() -> None:
