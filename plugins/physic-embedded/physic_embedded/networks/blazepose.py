@@ -8,6 +8,7 @@ from physic_core.types.skeletons import SIDES
 _SHARES = (
     ("hip", "same knee", 0.06),
     ("hip", "other hip", 0.08),
+    ("knee", "same ankle", 0.075),
     ("shoulder", "other shoulder", 0.055),
     ("shoulder", "same hip", -0.055),
     ("ear_surface", "nose", 0.14),
@@ -18,7 +19,8 @@ _SHARES = (
 )
 """Point, body point towards which the network draws it, and share of the way. Measured by fitting the embedded body to
 31 people in 16 photos with these shares free; shares from one half of the photos lower the reprojection error on the
-other half by a fifth.
+other half by a fifth. The knee's share is the distance of BlazePose's knees below true ones: .076 of the shank in 20
+views of one set with true joints, and .073 in 4 of another.
 
 Ankles, heels and foot tips have no share. BlazePose marks ankles where annotators of 2D data sets do, and masks of
 standing people end where the soles of bodies that are fitted without shares lie."""
