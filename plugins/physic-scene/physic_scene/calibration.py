@@ -1,34 +1,36 @@
-"""Calibrated cameras from a TOML file with a table for each camera.
+"""Calibrated cameras of photos from a file of PhySIC or of another program.
 
-A photo belongs to the camera whose name it has: that of the file, of its beginning, or of its folder.
+A photo belongs to the camera whose name it has: that of the file, of its beginning, or of its
+folder. If each camera is that of one image, the photo has the name of this image. If no photo has
+a name of the file, cameras are taken in order.
 """
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, PositiveInt, TypeAdapter, ValidationError, model_validator
 from scipy.spatial.transform import Rotation
 
 from physic_core.errors import InputError
-from physic_core.files.atomic import read_regular
 from physic_core.types import CameraTrust, Intrinsics, Lens
 from physic_core.types.short_repr import ShortRepr
+from physic_scene.calibration_forms import CameraFile, read_camera_file
 
 if TYPE_CHECKING:
     from typing import Self
 
     from physic_core.types import FloatArray
 
+_NAMED = 8  # names of a message
 _ORTHONORMAL = 0.01  # largest deviation of R R^T from the identity; files have four digits or more
 _LARGEST = 1e9  # number of an entry, in px or in the file's unit
-_LARGEST_FILE = 1 << 20  # bytes; a camera takes less than 1,000
 _LARGEST_UNIT = 1000.0  # metres
+_OFF_CENTRE = 0.1  # of width or height; a principal point farther off is that of another picture
 
 _Number = Annotated[float, Field(ge=-_LARGEST, le=_LARGEST)]
 _Vector = tuple[_Number, _Number, _Number]
@@ -41,10 +43,14 @@ class KnownCamera(ShortRepr):
     Attributes:
         lens: matrix and distortion, px of the upright photo file.
         pose: (4, 4) rigid transform from the frame of the camera to that of the rig, metres; None where unknown.
+        name: in the file.
+        by_order: whether the photo has it by its place, as no photo has the name of a camera.
     """
 
     lens: Lens
     pose: FloatArray | None = None
+    name: str = ""
+    by_order: bool = False
 
 
 class _Table(BaseModel):
@@ -52,7 +58,7 @@ class _Table(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    size: tuple[PositiveInt, PositiveInt]
+    size: tuple[PositiveInt, PositiveInt] | None
     K: tuple[_Vector, _Vector, _Vector]
     distortion: Annotated[tuple[_Number, ...], Field(max_length=5)] = ()
     R: tuple[_Vector, _Vector, _Vector] | None = None
@@ -65,6 +71,7 @@ class _Table(BaseModel):
             raise ValueError(f"K should be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] (got {self.K})")
         if len(self.distortion) not in (0, 4, 5):
             raise ValueError(f"distortion should be k1, k2, p1, p2 and perhaps k3 (got {self.distortion})")
+        self.distortion += (5 - len(self.distortion)) * (0.0,)
         if (self.R is None) != (self.t is None):
             raise ValueError("R and t belong together: give both, or only K")
         if self.R is not None:
@@ -73,65 +80,119 @@ class _Table(BaseModel):
                 raise ValueError(f"R should be a rotation from the frame of the rig to that of the camera (got {R})")
         return self
 
-    def camera(self, unit_m: float) -> KnownCamera:
-        """Return the camera; its ``t`` is in a unit of this many metres."""
+    def turned(self) -> Self:
+        """Return the camera of the picture turned by 90 degrees clockwise; the size is known."""
         (fx, _, cx), (_, fy, cy), _ = self.K
-        k1, k2, p1, p2, k3 = (*self.distortion, *(5 - len(self.distortion)) * (0.0,))
+        k1, k2, p1, p2, k3 = self.distortion
+        width, height = self.size or (0, 0)
+        changes: dict[str, Any] = {
+            "size": (height, width),
+            "K": ((fy, 0, height - 1 - cy), (0, fx, cx), (0, 0, 1)),
+            "distortion": (k1, k2, p2, -p1, k3),
+        }
+        if self.R is not None:
+            turn = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+            changes |= {"R": turn @ self.R, "t": turn @ self.t}
+        return self.model_copy(update=changes)
+
+    def fits(self, size: tuple[int, int]) -> bool:
+        """Return whether this is the stated size, or one with the principal point in the middle."""
+        near = all(abs(self.K[i][2] / size[i] - 0.5) < _OFF_CENTRE for i in (0, 1))
+        return near if self.size is None else self.size == size
+
+    def camera(self, unit_m: float, size: tuple[int, int]) -> KnownCamera:
+        """Return the camera of a photo of this size; ``t`` is in a unit of this many metres."""
+        (fx, _, cx), (_, fy, cy), _ = self.K
+        k1, k2, p1, p2, k3 = self.distortion
         pose = None
         if self.R is not None and self.t is not None:
             pose = np.eye(4)
             pose[:3, :3] = Rotation.from_matrix(self.R).inv().as_matrix()
             pose[:3, 3] = -pose[:3, :3] @ self.t * unit_m
-        return KnownCamera(
-            Lens(Intrinsics(fx, fy, cx, cy, *self.size, trust=CameraTrust.KNOWN), (k1, k2, p1, p2, k3)), pose
-        )
+        intrinsics = Intrinsics(fx, fy, cx, cy, *size, trust=CameraTrust.KNOWN)
+        return KnownCamera(Lens(intrinsics, (k1, k2, p1, p2, k3)), pose)
 
 
 _FILE = TypeAdapter(dict[str, _Table])
 
 
 def read_calibration(
-    path: Path, photos: Sequence[Path], sizes: Sequence[tuple[int, int]], unit_m: float = 1.0
+    path: Path,
+    photos: Sequence[Path],
+    sizes: Sequence[tuple[int, int]],
+    unit_m: float | None = None,
 ) -> list[KnownCamera | None]:
     """Return the camera of each photo, None for photos that the file does not name.
 
     Args:
-        path: of the file.
+        path: of the file, or of a folder with files of COLMAP, EasyMocap or nerfstudio.
         photos: their paths.
         sizes: width and height of each upright photo file, px.
-        unit_m: length of the unit of ``t``, metres.
+        unit_m: length of the unit of ``t``, metres; None for 1, except for COLMAP and nerfstudio.
 
     Raises:
-        InputError: the file cannot be read, a camera or the unit is invalid, or no camera is that of a photo.
+        InputError: the file cannot be read, a camera is invalid or of no photo, a photo has another
+            size than its camera, or the unit is invalid or missing.
     """
-    if not 0 < unit_m <= _LARGEST_UNIT:
+    if unit_m is not None and not 0 < unit_m <= _LARGEST_UNIT:
         raise InputError(f"the unit of {path} is {unit_m:g} m, but should be above 0 and at most {_LARGEST_UNIT:g} m")
-    cameras = _tables(path)
-    named = [_name_for(photo, cameras) for photo in photos]
+    rig, cameras = _cameras(path)
+    if rig.of_images and unit_m is None:
+        raise InputError(
+            f"the unit of {path} is not known, as COLMAP and nerfstudio choose their own: give its "
+            "length in metres by --camera-unit (unit_m in Python), which is a known distance divided "
+            "by the same distance in the file"
+        )
+    find = _image_for if rig.of_images else _name_for
+    named = [find(photo, cameras) for photo in photos]
+    by_order = not any(named) and not rig.of_images and len(cameras) == len(photos)
+    if by_order:
+        named = list(cameras)
     if not any(named):
         raise InputError(
-            f"{path} has no camera for {', '.join(photo.name for photo in photos)}, but for {', '.join(cameras)}: the "
-            "name of a photo, or of its folder, must be or begin with that of its camera"
+            f"{path} has no camera for {', '.join(photo.name for photo in photos)}, but for "
+            f"{', '.join([*cameras][:_NAMED]) or 'none'}: the name of a photo, or of its folder, must "
+            "be or begin with that of its camera"
         )
+    found: list[KnownCamera | None] = []
     for name, photo, size in zip(named, photos, sizes, strict=True):
         if name is not None and named.count(name) > 1:
             raise InputError(f"several photos are of camera {name} of {path}, such as {photo.name}: give one of each")
-        if name is not None and cameras[name].size != size:
+        if name is None:
+            found.append(None)
+            continue
+        fitting = [one for one in _turns(cameras[name], rig.turns.get(name, 0)) if one.fits(size)]
+        if len(fitting) != 1:
+            stated = cameras[name].size or "no size, and its principal point is off the middle"
+            cause = "is turned or not" if fitting else f"has {size}"
             raise InputError(
-                f"camera {name} of {path} has a size of {cameras[name].size} px, and {photo.name} has {size}: give the "
-                "photo as it was calibrated, or the calibration of its size"
+                f"camera {name} of {path} has {stated}, and {photo.name} {cause} px: give the photo as it "
+                "was calibrated, or the calibration of its size"
             )
-    return [None if name is None else cameras[name].camera(unit_m) for name in named]
+        found.append(replace(fitting[0].camera(unit_m or 1.0, size), name=name, by_order=by_order))
+    return found
 
 
-def _tables(path: Path) -> Mapping[str, _Table]:
-    """Return the tables of the file."""
+def _turns(table: _Table, turns: int) -> list[_Table]:
+    """Return the camera of the recorded picture, and that of the picture after its turns."""
+    upright = table
+    for _ in range(turns % 4):
+        upright = upright.turned()
+    return [table, upright] if turns % 4 else [table]
+
+
+def _cameras(path: Path) -> tuple[CameraFile, Mapping[str, _Table]]:
+    """Return the file, and its cameras by name."""
     try:
-        return _FILE.validate_python(tomllib.loads(read_regular(path, _LARGEST_FILE).decode("utf-8")))
+        rig = read_camera_file(path)
+        return rig, _FILE.validate_python(rig.tables)
     except ValidationError as error:
         problems = [f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors()]
         raise InputError(f"the cameras of {path} are invalid: {'; '.join(problems)}") from error
-    except (OSError, ValueError, RecursionError) as error:
+    except KeyError as error:
+        cure = "docs/tools.md has the files that are read"
+        raise InputError(f"cannot read the cameras of {path}: it lacks {error}; {cure}") from error
+    except (OSError, ValueError, TypeError, LookupError, ArithmeticError, RecursionError) as error:
         raise InputError(f"cannot read the cameras of {path}: {error}") from error
 
 
@@ -144,3 +205,11 @@ def _name_for(photo: Path, cameras: Iterable[str]) -> str | None:
         return name in (photo.name, folder) or begins
 
     return max(filter(fits, cameras), key=len, default=None)
+
+
+def _image_for(photo: Path, images: Iterable[str]) -> str | None:
+    """Return the image of this name without its suffix; of several, the one of the same folder."""
+    same = [name for name in images if PurePosixPath(name).stem == photo.stem]
+    near = [name for name in same if PurePosixPath(name).parent.name == photo.resolve().parent.name]
+    found = same if len(same) == 1 else near
+    return found[0] if len(found) == 1 else None

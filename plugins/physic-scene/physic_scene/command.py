@@ -15,6 +15,12 @@ if TYPE_CHECKING:
     from physic_scene.types import SceneResult
 
 
+def _length(ctx: click.Context, parameter: click.Parameter, metres: float | None) -> float | None:
+    if metres is not None and not 0 < metres < math.inf:
+        raise click.BadParameter(f"{metres:g} is no length: give metres, such as 0.01 for centimetres")
+    return metres
+
+
 @click.command()
 @click.argument("photos", metavar="PHOTO PHOTO...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="Folder for the results.")
@@ -25,15 +31,15 @@ if TYPE_CHECKING:
     "calibration",
     metavar="FILE",
     type=click.Path(path_type=Path),
-    help="Calibrated cameras of some or all photos: a TOML file.",
+    help="Calibrated cameras of some or all photos: TOML, or the files of another tool.",
 )
 @click.option(
     "--camera-unit",
     "unit_m",
     metavar="METRES",
     type=float,
-    default=1.0,
-    help="Length of the unit of --cameras, such as 0.01 for centimetres.",
+    callback=_length,
+    help="Length of the unit of --cameras, such as 0.01 for centimetres.  [default: 1]",
 )
 @click.option(
     "--stature",
@@ -50,7 +56,7 @@ def scene(
     preset: str | None,
     overrides: tuple[str, ...],
     calibration: Path | None,
-    unit_m: float,
+    unit_m: float | None,
     stature: str | None,
     age: float | None,
     quiet: bool,
@@ -76,6 +82,9 @@ def scene(
         raise InputError(str(error)) from error
     sizes, digests = _read(photos)
     cameras = None if calibration is None else read_calibration(calibration, photos, sizes, unit_m)
+    if cameras and any(one and one.by_order for one in cameras):
+        order = ", ".join(f"{photo.name} is {one and one.name}" for photo, one in zip(photos, cameras, strict=True))
+        echo(f"warning: no photo has the name of a camera, so cameras are taken in order: {order}", err=True)
     all_photos = " ".join(digests)
 
     def progress(name: str, done: int, total: int) -> None:

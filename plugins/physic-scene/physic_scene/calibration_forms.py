@@ -1,0 +1,208 @@
+"""Cameras as other programs write them, as tables of PhySIC's own form."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from physic_core.files.atomic import read_regular
+
+_LARGEST_FILE = 1 << 24  # bytes
+_LARGEST_MODEL = 1 << 28  # bytes of COLMAP's images.txt, which has all keypoints
+_IN_FOLDERS = ("cameras.txt", "cameras.bin", "intri.yml", "transforms.json", "camera_array.toml")
+_OPENGL = (1, -1, -1)  # OpenCV's axes in those of OpenGL, which nerfstudio uses
+
+
+@dataclass(frozen=True)
+class CameraFile:
+    """Cameras of a file, in OpenCV's convention.
+
+    Attributes:
+        tables: of each camera by its name, as in PhySIC's own TOML; ``size`` is None if not stated.
+        turns: quarter turns clockwise, by name, that make the picture of a camera upright.
+        of_images: whether the names are paths of single images, and the unit is arbitrary.
+    """
+
+    tables: Mapping[str, Any]
+    turns: Mapping[str, int] = field(default_factory=dict)
+    of_images: bool = False
+
+
+def read_camera_file(path: Path) -> CameraFile:
+    """Return the cameras of a file, or of a folder with files of COLMAP, EasyMocap or nerfstudio.
+
+    Raises:
+        OSError: a file cannot be read.
+        ValueError: it has no known form, or a lens that is not supported.
+        LookupError, TypeError, ArithmeticError, RecursionError: an entry is missing or damaged.
+    """
+    files = [path / name for name in _IN_FOLDERS if (path / name).exists()]
+    path = files[0] if files else path
+    return _FORMS.get(path.suffix.lower(), _read_toml)(path)
+
+
+def _text(path: Path, limit: int = _LARGEST_FILE) -> str:
+    return read_regular(path, limit).decode("utf-8")
+
+
+def _unsupported(name: str, lens: str) -> ValueError:
+    return ValueError(
+        f"the lens of camera {name} is {lens}, and only pinhole cameras with k1, k2, p1, p2, k3 can be "
+        "used: remove the distortion of its photos (colmap image_undistorter, "
+        "cv2.fisheye.undistortImage), and give the cameras of the new photos"
+    )
+
+
+def _pose(rotation: Any, translation: Any) -> dict[str, Any]:
+    """Return R and t, or nothing if not known; the rotation is a vector (Rodrigues) or a matrix."""
+    if isinstance(rotation, str | None):  # Caliscope has written "null"
+        return {}
+    values = np.asarray(rotation, np.float64)
+    R = Rotation.from_rotvec(values.ravel()).as_matrix() if values.size == 3 else values
+    return {"R": R.tolist(), "t": np.ravel(translation).tolist()}
+
+
+def _coefficients(values: Any) -> list[float]:
+    """Return the coefficients of OpenCV without zeros after the fifth."""
+    found: list[float] = np.ravel([] if values is None else values).tolist()
+    return found if any(found[5:]) else found[:5]
+
+
+def _read_toml(path: Path) -> CameraFile:
+    """Read PhySIC's own form, or that of Pose2Sim, AniPose and Caliscope, which have ``matrix``."""
+    document = tomllib.loads(_text(path))
+    nested = isinstance(document.get("cameras"), dict)  # as Caliscope does by itself
+    entries: Mapping[str, Any] = document["cameras"] if nested else document
+    tables: dict[str, Any] = {}
+    turns: dict[str, int] = {}
+    for key, one in entries.items():
+        if not isinstance(one, dict) or not isinstance(one.get("matrix"), list) or one.get("ignore"):
+            continue
+        name = str(one.get("name", f"cam_{key}" if nested else key))
+        if name in tables:
+            raise ValueError(f"two cameras have the name {name}")
+        if one.get("fisheye"):
+            raise _unsupported(name, "a fisheye (AniPose's and Caliscope's `fisheye = true`)")
+        tables[name] = {
+            "size": one["size"],
+            "K": one["matrix"],
+            "distortion": _coefficients(one.get("distortions")),
+            **_pose(one.get("rotation"), one.get("translation")),
+        }
+        turns[name] = int(one.get("rotation_count", 0))
+    return CameraFile(tables or document, turns)
+
+
+# Read without OpenCV, whose parser answers damaged text with SystemError.
+_MATRIX = re.compile(r"^(\S+): !!opencv-matrix[^[!]*data: *\[([^]!]*)\]", re.M)
+_SIDE = re.compile(r"^([WH]_\S+): *(\d+)", re.M)
+
+
+def _read_easymocap(path: Path) -> CameraFile:
+    """Read EasyMocap's intri.yml and extri.yml, of which either is given."""
+    pair = path.parent.glob(re.sub("intri|extri", "??tri", path.name))
+    text = "\n".join(map(_text, {path, *pair}))
+    numbers = {key: np.array(data.split(","), np.float64) for key, data in _MATRIX.findall(text)}
+    sides = dict(_SIDE.findall(text))
+    tables = {}
+    for name in [key[2:] for key in numbers if key.startswith("K_")]:
+        size = [sides.get(f"{side}_{name}") for side in "WH"]
+        tables[name] = {
+            "size": size if all(size) else None,
+            "K": numbers[f"K_{name}"].reshape(3, 3).tolist(),
+            "distortion": _coefficients(numbers.get(f"dist_{name}")),
+            **_pose(numbers.get(f"R_{name}"), numbers.get(f"T_{name}")),
+        }
+    return CameraFile(tables)
+
+
+_FAR = ("k4", "k5", "k6", "distortion_params", "is_fisheye")
+
+
+def _lens(name: str, model: str, size: Sequence[Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the lens of COLMAP and nerfstudio, whose pixels have their centres at .5."""
+    far = [f"{key} = {values[key]}" for key in _FAR if values.get(key)]
+    if far or model not in _COLMAP:
+        raise _unsupported(name, " with ".join((model, *far)))
+    cx, cy = values["cx"] - 0.5, values["cy"] - 0.5
+    return {
+        "size": size,
+        "K": [[values["fx"], 0, cx], [0, values["fy"], cy], [0, 0, 1]],
+        "distortion": [values.get(key, 0) for key in ("k1", "k2", "p1", "p2", "k3")],
+    }
+
+
+def _read_nerfstudio(path: Path) -> CameraFile:
+    """Read nerfstudio's transforms.json, which instant-ngp has as well."""
+    document = json.loads(_text(path))
+    tables = {}
+    for frame in document["frames"]:
+        one = {**frame, **document}  # what is stated of all frames counts
+        name, model = one["file_path"], one.get("camera_model", "OPENCV")
+        values = one | {"fx": one["fl_x"], "fy": one["fl_y"]}
+        to_world = np.array(one["transform_matrix"], np.float64)[:3]
+        R = (to_world[:, :3] * _OPENGL).T
+        lens = _lens(name, model, (one["w"], one["h"]), values)
+        tables[name] = lens | _pose(R, -R @ to_world[:, 3])
+    return CameraFile(tables, of_images=True)
+
+
+_COLMAP = {
+    "SIMPLE_PINHOLE": "fx cx cy",
+    "PINHOLE": "fx fy cx cy",
+    "SIMPLE_RADIAL": "fx cx cy k1",
+    "RADIAL": "fx cx cy k1 k2",
+    "OPENCV": "fx fy cx cy k1 k2 p1 p2",
+    "FULL_OPENCV": "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6",
+}
+"""Parameters of COLMAP's models that OpenCV's five coefficients can state."""
+
+
+def _rows(path: Path) -> Iterator[str]:
+    """Return the lines of COLMAP's text that are no comments."""
+    lines = _text(path, _LARGEST_MODEL).rstrip().splitlines()
+    return (line for line in lines if not line.startswith("#"))
+
+
+def _read_colmap(path: Path) -> CameraFile:
+    """Read cameras.txt and images.txt; a point x of the world is at R x + t of each image."""
+    lenses = {}
+    for line in _rows(path.with_name("cameras.txt")):
+        number, model, width, height, *numbers = line.split()
+        keys = _COLMAP.get(model, "").split() or numbers
+        values: dict[str, float] = dict(zip(keys, map(float, numbers), strict=True))
+        values.setdefault("fy", values.get("fx", 0))
+        lenses[number] = _lens(number, model, (width, height), values)
+    tables = {}
+    lines = _rows(path.with_name("images.txt"))
+    for line in lines:
+        _, *numbers, camera, name = line.split(maxsplit=9)
+        *quaternion, x, y, z = map(float, numbers)
+        R = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
+        tables[name] = lenses[camera] | _pose(R, (x, y, z))
+        next(lines, None)  # its keypoints, which may be none
+    return CameraFile(tables, of_images=True)
+
+
+def _refuse_binary(path: Path) -> CameraFile:
+    raise ValueError(
+        "a model of COLMAP is read as text: colmap model_converter --input_path "
+        f"{path.parent} --output_path {path.parent} --output_type TXT, then name cameras.txt"
+    )
+
+
+_FORMS: dict[str, Callable[[Path], CameraFile]] = {
+    ".json": _read_nerfstudio,
+    ".yml": _read_easymocap,
+    ".yaml": _read_easymocap,
+    ".txt": _read_colmap,
+    ".bin": _refuse_binary,
+}
