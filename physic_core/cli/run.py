@@ -171,8 +171,9 @@ def run(
     if not quiet and not result.intrinsics.known:
         sigma = result.intrinsics.focal_sigma
         spread = "" if sigma is None else f" (± {sigma:.0%})"
+        what = "widths and heights in the scene" if result.scene.measured else "distances"
         echo(
-            f"the focal length, and with it all distances, is an estimate{spread}: if you know it, give --focal-px PX, "
+            f"the focal length, and with it all {what}, is an estimate{spread}: if you know it, give --focal-px PX, "
             "in px of the photo file, or --intrinsics fx,fy,cx,cy",
             err=True,
         )

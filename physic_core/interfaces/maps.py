@@ -43,6 +43,9 @@ class MetricDepth(Backend):
     Its sigma is ``scale_sigma``, or 0.1 without one. The depth is then multiplied to the scale of the vote. A backend
     with "scale" in ``reads`` gets the vote of the others in ``hints.scale``, and its depth is used as it is. A backend
     that needs people, and gets none, raises NoPersonError: the depth is then that of the scene.
+
+    A backend that measures or reads depth sets ``sees = "photo"``: it is called once, for the photo with its people and
+    without hints. If it states an error of at most .05, scene and people have the shape of its depth where it is known.
     """
 
     interface = "metric_depth"

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.adapters.pictures import dilate
-from physic_core.errors import NoPersonError
+from physic_core.errors import ConfigError, NoPersonError
 from physic_core.interfaces import (
     BodyEstimatorRequest,
     ContactPriorRequest,
@@ -157,12 +157,16 @@ def run_backends(
         given_keypoints: that replace detected ones, px of the image.
 
     Raises:
+        ConfigError: a measured depth is a disparity.
         InputError: the number of known statures differs from that of the people, or given keypoints are of no person
             or joint.
         NoPersonError: a prompt selects no person, or people are required and the segmenter found none.
         BackendError: a required backend failed.
         BackendOutputError: a required backend returned an invalid result.
     """
+    from physic_core.engine.scene.measured_shape import shows_people, with_measured_shape
+    from physic_core.engine.sizes.evidence import is_inverse, is_measured
+
     run = _BackendCalls(plan.backends, load_model, stages)
     sizes = sizes or KnownSizes()
     people = run.people(image, prompt, required=plan.photo.require_people)
@@ -185,8 +189,25 @@ def run_backends(
     hints = Hints(given, people, keypoints, hole, photo=image)
     scene = run.pointmap("scene point map", inpainted, hints, last=not hole.any())
     camera = given or scene.intrinsics or _camera_of(scene)
+    whole = run.depth_of_photo(image)
+    own = None if whole is None else _without(whole, hole)
+    shape = whole if own is not None and is_measured(own) else None
+    if own is not None and shape is not None:
+        if is_inverse(own, scene):
+            raise ConfigError(
+                "the given depth is larger where the scene is nearer: it is a disparity, or inverse depth; give metres "
+                "along the optical axis: focal length in px x distance of the two cameras in m / disparity in px"
+            )
+        scene = with_measured_shape(scene, own, scene.intrinsics or camera)
+        share = (np.isfinite(own.depth) & scene.valid).sum() / max(1, (scene.valid & ~hole).sum())
+        stages.note(f"the given depth is the shape of {share:.0%} of the scene, and the point map that of the rest")
     hints = replace(hints, intrinsics=camera, hole=None, photo=None, scene=scene)
     original = run.pointmap("photo point map", image, hints) if hole.any() else scene
+    if own is not None and shape is not None and hole.any():
+        original = with_measured_shape(original, own, original.intrinsics or camera)
+        if shows_people(shape, original, scene, people.masks):
+            original = with_measured_shape(original, shape, original.intrinsics or camera)
+            original = replace(original, people_farther=None)
     from physic_core.engine.floor import best_candidate, chosen_floor
 
     with stages.time_engine("floor candidates"):
@@ -205,7 +226,8 @@ def run_backends(
 
     seen_keypoints = select_people(keypoints, embodied)
     hints = replace(hints, people=seen, keypoints=seen_keypoints, hole=hole, bodies=seen_bodies)
-    own = run.depth_of_own_scale(MetricDepthRequest(inpainted, hints))
+    if own is None:
+        own = run.depth_of_own_scale(MetricDepthRequest(inpainted, hints))
     with stages.time_engine("floor and scale"):
         given_people = PeopleInScene(
             scene, aligned, camera, seen, seen_keypoints, select_people(bodies, embodied), known.select(embodied)
@@ -241,6 +263,12 @@ def run_backends(
         contradicted_px=contradicted,
         file_px=1.0 if given_keypoints is None else given_keypoints.file_px,
     )
+
+
+def _without(depth: DepthMap, hole: BoolArray) -> DepthMap | None:
+    """Return a depth without the pixels of a hole; None if none is left."""
+    rest = np.where(hole, np.nan, depth.depth)
+    return replace(depth, depth=np.asarray(rest, np.float32)) if np.isfinite(rest).any() else None
 
 
 def _known_people(sizes: KnownSizes, people: People, *, chosen: bool) -> tuple[KnownPeople, tuple[str, ...]]:
@@ -388,6 +416,13 @@ class _BackendCalls:
             return none
         contact, self.missing["contact_prior"] = expand_contact(found, embodied)
         return contact
+
+    def depth_of_photo(self, image: UInt8Array) -> DepthMap | None:
+        """Return the depth (H, W) of the photo with its people; None if the backend sees the inpainted one."""
+        chosen = self.backends["metric_depth"]
+        if chosen.backend.sees != "photo":
+            return None
+        return self.stages.call_backend("metric depth", chosen, MetricDepthRequest(image))
 
     def depth_of_own_scale(self, request: MetricDepthRequest) -> DepthMap | None:
         """Estimate metric depth; None if the backend scales its depth by the hints, or needs people and gets none."""

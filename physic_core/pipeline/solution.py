@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -94,7 +95,10 @@ def assemble_solution(
     """
     s, sigma = result.scene_scale, problem.scale_sigma
     stature, years = KnownPeople(estimates.ages, estimates.statures).filled(len(problem))
-    sizes = size_sigmas(stature, years, sigma if problem.views or placed.size_ratio is not None else None)
+    sized = sigma if problem.views or placed.size_ratio is not None else None
+    if sized is not None and estimates.measured_scale is not None and not estimates.intrinsics.known:
+        sized = math.hypot(sized, estimates.intrinsics.focal_sigma or 0.0)  # lengths across a measured depth
+    sizes = size_sigmas(stature, years, sized)
     people = tuple(
         {**{f"placement_{k}": v for k, v in start.items()}, **measures, "size_sigma": size, **given}
         for start, measures, size, given in zip(
@@ -182,4 +186,5 @@ def _scene(scene: SceneState, scale: float, scale_sigma: float | None, estimates
         floor_points=(scene.floor_points * scale).float().numpy(),
         scale=scale,
         scale_sigma=scale_sigma,
+        measured=estimates.measured_scale is not None,
     )

@@ -47,6 +47,7 @@ class Scene(ShortRepr):
         floor_points: (M, 3) float32 sampled on the plane.
         scale: the factor that the joint optimisation applied to the scene (already in the points).
         scale_sigma: standard deviation of log(scale), or None.
+        measured: whether a measured depth gave the scale: it does not depend on the focal length.
     """
 
     points: FloatArray = field(metadata=shape("H", "W", 3))
@@ -57,6 +58,7 @@ class Scene(ShortRepr):
     floor_points: FloatArray = field(metadata=shape("M", 3))
     scale: float = 1.0
     scale_sigma: float | None = None
+    measured: bool = False
 
 
 @dataclass(frozen=True)
@@ -206,8 +208,10 @@ class Reconstruction(ShortRepr):
 
     @property
     def distance_sigmas(self) -> tuple[float | None, ...]:
-        """The same for each person's distance from the camera, by the larger error of scale and stature; None where no
-        error is stated."""
+        """The same for each person's distance from the camera, by the larger error of scale and stature, or that of a
+        measured depth; None where no error is stated."""
+        if self.scene.measured:
+            return (self.scene.scale_sigma,) * len(self.people)
         own = (person.stature_sigma for person in self.people)
         known = ([sigma for sigma in (one, self.scene.scale_sigma) if sigma is not None] for one in own)
         return tuple(math.hypot(max(sigmas), self._focal_sigma) if sigmas else None for sigmas in known)
@@ -223,7 +227,8 @@ class Reconstruction(ShortRepr):
 
     @property
     def _focal_sigma(self) -> float:
-        return 0.0 if self.intrinsics.known else self.intrinsics.focal_sigma or 0.0
+        is_exact = self.intrinsics.known or self.scene.measured
+        return 0.0 if is_exact else self.intrinsics.focal_sigma or 0.0
 
     def __repr__(self) -> str:
         people, warnings, sigma = len(self.people), len(self.warnings), self.scene.scale_sigma

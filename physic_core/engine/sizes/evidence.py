@@ -115,7 +115,7 @@ def likely_unit(factor: float) -> str:
     nearest = min(ratios, key=lambda ratio: abs(math.log(factor) - ratio))
     if abs(math.log(factor) - nearest) < _UNIT_SPREAD:
         return f"is its unit {ratios[nearest]}?"
-    return "is it along the optical axis, in metres, and not a disparity, which is larger where things are near?"
+    return "is it in metres along the optical axis, or only relative?"
 
 
 def combine(evidence: Sequence[ScaleEvidence]) -> ScaleEvidence | None:
@@ -261,6 +261,22 @@ def depth_witness(depth: DepthMap, scene: Pointmap, camera: Intrinsics, torsos: 
 def is_measured(depth: DepthMap) -> bool:
     """Return whether a metric depth states so small an error that it decides the scale."""
     return depth.scale_sigma is not None and depth.scale_sigma <= MEASURED_SIGMA
+
+
+_DISPARITY = -0.3  # rank correlation of a depth with that of the scene, at and below which it is the inverse
+
+
+def is_inverse(depth: DepthMap, scene: Pointmap) -> bool:
+    """Return whether a depth is larger where the scene is nearer, as a disparity is."""
+    from scipy.stats import spearmanr
+
+    rows, columns = np.nonzero(scene.valid & (depth.depth > 0))
+    if len(rows) < _MIN_PIXELS:
+        return False
+    chosen = np.linspace(0, len(rows) - 1, min(len(rows), _RAYS)).astype(int)
+    rows, columns = rows[chosen], columns[chosen]
+    found = spearmanr(depth.depth[rows, columns], scene.points[rows, columns, 2]).statistic
+    return bool(found <= _DISPARITY)
 
 
 def measured_scale(depth: DepthMap, witness: Witnesses, vote: ScaleVote) -> MeasuredScale:

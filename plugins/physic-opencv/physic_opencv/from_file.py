@@ -45,13 +45,13 @@ class DepthFileOptions(interfaces.Options):
 class DepthFile(interfaces.MetricDepth):
     """Metric depth of the photo from a file of the user's.
 
-    The file shows the photo with its people, and the pipeline asks for the photo without them: pixels in the inpainted
-    hole are unknown.
+    The file shows the photo with its people. Pixels in a hole of the hints are unknown.
     """
 
     written_for = 1
     Options = DepthFileOptions
     options: DepthFileOptions
+    sees = "photo"
     cacheable = False  # reading the file again costs less than the cache
 
     def missing(self) -> tuple[str, ...]:

@@ -199,6 +199,32 @@ def test_the_scene_of_a_run_has_the_depth_of_the_files(tmp_path: Path, stand: Wo
     assert result.scene.floor.offset == pytest.approx(stand.floor.offset, rel=0.02)
 
 
+def test_the_scene_and_people_of_a_run_have_the_shape_of_the_depth(tmp_path: Path, stand: World) -> None:
+    depth = stand.points(people=True)[..., 2] * np.linspace(1, 1.1, stand.depth.shape[1])[None]
+    np.save(tmp_path / "depth.npy", depth)
+    config = load_config(
+        preset="mock",
+        overrides=["run.cache=false", "engine.joint.optimiser.steps=5", "relative_pointmap.options.noise=0"],
+    ).with_photo({"depth": str(tmp_path / "depth.npy")})
+    result = reconstruct(stand.image, config)
+    near = cv2.dilate(stand.masks.any(0).astype(np.uint8), np.ones((9, 9))) > 0
+    known = result.scene.valid & ~near & np.isfinite(depth)
+    assert known.sum() > 0.9 * (~near & np.isfinite(depth)).sum()
+    ratio = result.scene.points[..., 2][known] / depth[known]
+    assert np.quantile(ratio, [0.05, 0.5, 0.95]) == pytest.approx(np.ones(3), abs=0.015)
+    surface = np.median(depth[stand.masks[0]])  # the pelvis lies behind it
+    assert surface < result.people[0].joints[0, 2] < surface + 0.25
+    assert result.distance_sigmas == (result.scene.scale_sigma,)
+    assert result.scene.scale_sigma == pytest.approx(0.01, abs=0.002)
+
+
+def test_a_disparity_in_place_of_a_depth_is_refused(tmp_path: Path, stand: World) -> None:
+    np.save(tmp_path / "depth.npy", 30 / stand.points(people=True)[..., 2])
+    config = load_config(preset="mock", overrides=["run.cache=false"])
+    with pytest.raises(ConfigError, match="disparity"):
+        reconstruct(stand.image, config.with_photo({"depth": str(tmp_path / "depth.npy")}))
+
+
 def test_a_png_in_millimetres_of_one_photo_replaces_the_backend_for_that_photo(tmp_path: Path, stand: World) -> None:
     millimetres = np.nan_to_num(stand.depth * 1000).round().astype(np.uint16)
     cv2.imwrite(str(tmp_path / "depth.png"), millimetres)
