@@ -50,8 +50,9 @@ KINDS = (
 def canonicalize(result: _T) -> _T:
     """Convert a result to the form that the cache returns, so that runs with and without cache agree bit for bit.
 
-    Arrays become C-contiguous copies, since their order in memory changes sums, and since the backend may use its
-    arrays again; NumPy scalars become Python numbers. A result that cannot be stored is copied deeply.
+    Arrays become C-contiguous copies in the machine's order of bytes, the only one that torch takes: their order in
+    memory changes sums, and the backend may use its arrays again. NumPy scalars become Python numbers. A result that
+    cannot be stored is copied deeply.
     """
     try:
         return restored(result, copies=True)
@@ -73,7 +74,7 @@ def restored(result: _T, *, copies: bool = False) -> _T:
     if any(array.dtype.hasobject for array in arrays.values()):
         raise TypeError("an array of Python objects cannot be stored.")
     if copies:
-        arrays = {name: np.array(array, order="C") for name, array in arrays.items()}
+        arrays = {name: np.array(array, array.dtype.newbyteorder("="), order="C") for name, array in arrays.items()}
     try:
         same: _T = join(kind, document, arrays)
     except ValueError as error:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from click.testing import CliRunner
 
 import hostile
@@ -17,6 +18,7 @@ from physic_core.cli import main
 from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.discovery.error_text import PluginExit
 from physic_core.discovery.plugin_code import plugin_code
+from physic_core.errors import BackendOutputError
 from physic_core.interfaces import MetricDepth, MetricDepthRequest
 from physic_core.pipeline.stage_runner import StageRunner
 from physic_core.types import DepthMap, Hints, Provenance
@@ -36,7 +38,16 @@ class Own(MetricDepth):
 
 
 def call(deed: Callable[[Any], Any], image: np.ndarray | None = None) -> tuple[DepthMap, Own]:
-    backend = Own(deed)
+    return run(Own(deed), image)
+
+
+def give(depth: Any) -> tuple[DepthMap, Own]:
+    backend = Own(lambda image: None)
+    backend.depth = depth
+    return run(backend)
+
+
+def run(backend: Own, image: np.ndarray | None = None) -> tuple[DepthMap, Own]:
     resolved = ResolvedBackend(backend, Provenance("metric_depth", "own", "p", "my-dist", "1.0", {}, ""))
     request = MetricDepthRequest(np.zeros((6, 8, 3), np.uint8) if image is None else image, Hints())
     return StageRunner("cpu", 1).call_backend("depth", resolved, request), backend
@@ -48,6 +59,63 @@ def test_input_and_output_are_copies() -> None:
     assert not image.any()
     backend.depth[:] = np.nan
     assert (result.depth == 1).all()
+
+
+ONES = np.ones((6, 8))
+
+
+def unaligned(values: np.ndarray) -> np.ndarray:
+    place = np.zeros(values.nbytes + 1, np.uint8)[1:].view(values.dtype).reshape(values.shape)
+    place[:] = values
+    return place
+
+
+@pytest.mark.parametrize(
+    "depth",
+    [
+        *(ONES.astype(kind) for kind in ("f2", "f4", "f8", ">f2", ">f4", ">f8")),
+        *(np.asfortranarray(ONES), ONES[::-1, ::-1], ONES.repeat(2, 1)[:, ::2], np.broadcast_to(1.0, (6, 8))),
+        unaligned(ONES),
+    ],
+    ids=lambda depth: f"{depth.dtype.str} {depth.strides}",
+)
+def test_an_array_of_floats_is_taken_however_it_lies_in_memory(depth: np.ndarray) -> None:
+    found, _ = give(depth)
+    assert (found.depth == 1).all()
+    torch.from_numpy(found.depth)
+
+
+@pytest.mark.parametrize(
+    ("depth", "name"),
+    [
+        (ONES.astype(complex), "complex128"),
+        (ONES.astype(bool), "bool"),
+        (ONES.astype(int), "int64"),
+        (ONES.astype(object), "object"),
+        (ONES.astype("U3"), "<U3"),
+        (ONES.astype(np.dtypes.StringDType()), "StringDType"),
+        (ONES.astype("datetime64[s]"), "datetime64"),
+        (np.zeros((6, 8), "V4"), "V4"),
+        (np.zeros((6, 8), "f4,f4"), "'f0'"),
+        (np.zeros((6, 8), "f4,f4").view(np.recarray), "recarray"),
+        (np.ma.array(ONES), "MaskedArray"),
+        (np.array(1.0), "got ()"),
+        (ONES[None], "got (1, 6, 8)"),
+        (torch.ones(6, 8), "Tensor"),
+        (ONES.tolist(), "list"),
+        pytest.param(
+            ONES.astype(np.longdouble),
+            np.dtype(np.longdouble).name,
+            marks=pytest.mark.skipif(np.dtype(np.longdouble).itemsize == 8, reason="needs wider floats"),
+        ),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_what_is_no_array_of_floats_is_refused_by_name(depth: Any, name: str) -> None:
+    with pytest.raises(BackendOutputError) as error:
+        give(depth)
+    assert name in str(error.value)
+    assert "metric_depth 'own' (my-dist 1.0)" in str(error.value)
 
 
 def test_plugin_exit_has_the_message_of_its_cause() -> None:
