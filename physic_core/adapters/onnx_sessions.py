@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import logging
+import os
 from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
@@ -109,7 +110,7 @@ def open_session(
 
     Args:
         path: file; its external data files are read from the same folder.
-        threads: threads inside one operator on the CPU; 0 lets onnxruntime choose.
+        threads: threads inside one operator on the CPU; 0 takes one for each core that the process may use.
         device: "cpu", "cuda" or "cuda:N".
         provider: "auto" follows the device; or "cpu", "cuda", "tensorrt", "coreml", "directml".
         broken: advice for a file that cannot be opened.
@@ -123,6 +124,7 @@ def open_session(
     """
     import onnxruntime as ort
 
+    threads = threads or _own_cores()
     chosen, settings = select_provider(provider, device, ort.get_available_providers())
     # The CPU runs the few operators that another provider does not implement.
     providers = settings if chosen.name == "CPU" else [*settings, "CPUExecutionProvider"]
@@ -176,6 +178,16 @@ def open_session(
     _LOG.info("%s runs on %s", path.name, runtime)
     made_of = " ".join((*published.values(), runtime, f"{threads} threads")) if published else ""
     return OnnxSession(session, chosen, path.stem, made_of)
+
+
+def _own_cores() -> int:
+    """Return the number of cores that the process may use.
+
+    onnxruntime's own choice ignores them: it starts a thread for each core of the machine, and pins it there.
+    """
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def _session_options(weights_folder: Path, threads: int, provider: ExecutionProvider) -> SessionOptions:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from physic_core.errors import BackendError, InputError
+from physic_core.interfaces.checks import tensor_advice
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -26,7 +27,16 @@ IMAGENET_STD = (0.229, 0.224, 0.225)
 Resampling = Literal[
     "nearest", "bilinear", "bicubic", "area", "bilinear-antialias", "bicubic-antialias", "lanczos-antialias"
 ]
-"""Interpolation methods: without "antialias" as in OpenCV and torch, with it as in Pillow."""
+"""Interpolation methods.
+
+"nearest" is OpenCV's INTER_NEAREST_EXACT and Pillow's NEAREST: the pixel whose centre is nearest. OpenCV's
+INTER_NEAREST and torch's "nearest" take other pixels. "bilinear", "bicubic" and "area" are as in OpenCV and torch; with
+"antialias", as in Pillow.
+"""
+
+_OPENCV = frozenset({"uint8", "uint16", "int16", "float32", "float64"})  # types that OpenCV 5 interpolates
+_CHANNELS = 4  # OpenCV 5 takes 128 at most, its "area" no more than 4
+_INTEGERS = {"float32": 2**24, "float64": 2**53}  # up to which these types hold every integer
 
 
 def normalized_nchw(
@@ -44,27 +54,108 @@ def normalized_nchw(
 
 
 def resize_image(image: NDArray[Any], height: int, width: int, how: Resampling = "bilinear") -> NDArray[Any]:
-    """Resize an image (H, W) or (H, W, C) to exactly ``height`` x ``width``; the aspect may change."""
-    import cv2
+    """Resize an image to exactly ``height`` x ``width``; the aspect may change.
 
+    Args:
+        image: (H, W) or (H, W, C), with any number of channels. Any type of values for "nearest", else bool, integers
+            or floats up to float64.
+        height: px.
+        width: px.
+        how: see :data:`Resampling`.
+
+    Returns:
+        The image with the same type of values. Interpolated integers are rounded and clipped to their type, and a bool
+        is True where more than half is.
+
+    Raises:
+        InputError: ``image`` is no such array; its numbers are larger than the method can compute exactly; the size is
+            not positive.
+    """
     if height < 1 or width < 1:
         raise InputError(f"an image cannot be resized to {width} x {height} px")
+    _require_picture(image, any_values=how == "nearest")
     if image.shape[:2] == (height, width):
         return image.copy()
+    if how == "nearest":
+        rows, columns = (_nearest_indices(*sizes) for sizes in zip(image.shape[:2], (height, width), strict=True))
+        return image[rows[:, None], columns]
     if how.endswith("antialias"):
         return _pillow(image, height, width, how.removesuffix("-antialias"))
-    kinds = {
-        "nearest": cv2.INTER_NEAREST_EXACT,
-        "bilinear": cv2.INTER_LINEAR,
-        "bicubic": cv2.INTER_CUBIC,
-        "area": cv2.INTER_AREA,
-    }
-    return np.asarray(cv2.resize(np.ascontiguousarray(image), (width, height), interpolation=kinds[how]))
+    return _opencv(image, height, width, how)
 
 
 def resize_map(values: NDArray[Any], height: int, width: int) -> FloatArray:
-    """Resize a map (H, W) or (H, W, C) by bilinear interpolation, to float32; NaN spreads to neighbours."""
+    """Resize a map (H, W) or (H, W, C) by bilinear interpolation, to float32; NaN spreads to neighbours.
+
+    Raises:
+        InputError: ``values`` is not an array of numbers, or the size is not positive.
+    """
+    _require_picture(values)
     return np.asarray(resize_image(np.asarray(values, np.float32), height, width, "bilinear"))
+
+
+def _require_picture(image: object, *, any_values: bool = False) -> None:
+    """Raise InputError unless an image is a plain numpy array (H, W) or (H, W, C) of real numbers that has pixels."""
+    if type(image) not in (np.ndarray, np.memmap):
+        advice = tensor_advice(image) or ": write numpy.asarray(...)"
+        raise InputError(f"an image to resize must be a numpy array, got {type(image).__name__}{advice}")
+    assert isinstance(image, np.ndarray)
+    if image.ndim not in (2, 3) or 0 in image.shape[:2]:
+        raise InputError(f"an image to resize must be (H, W) or (H, W, C), with pixels, got {image.shape}")
+    if not any_values and (image.dtype.kind not in "biuf" or image.dtype.itemsize > 8):
+        raise InputError(
+            f"an image to resize must hold bool, integers or floats up to float64, got {image.dtype}: convert it, or "
+            "take 'nearest'"
+        )
+
+
+def _require_exact(image: NDArray[Any], computed: str) -> None:
+    """Raise InputError if an image has integers that the type in which it is resized does not hold."""
+    limit = _INTEGERS[computed]
+    if image.dtype.kind in "iu" and image.size and max(-int(image.min()), int(image.max())) > limit:
+        raise InputError(
+            f"an image is resized in {computed}, which holds integers to {limit}, got {image.dtype} from {image.min()} "
+            f"to {image.max()}: convert it, or take 'nearest'"
+        )
+
+
+def _nearest_indices(size: int, wanted: int) -> NDArray[np.int64]:
+    """Return which of ``size`` pixels in a row OpenCV takes for each of ``wanted`` pixels."""
+    import cv2
+
+    line = np.arange(size, dtype=np.float64)[:, None]
+    taken = cv2.resize(line, (1, wanted), interpolation=cv2.INTER_NEAREST_EXACT)
+    return np.asarray(taken, np.int64).reshape(wanted)
+
+
+def _opencv(image: NDArray[Any], height: int, width: int, how: str) -> NDArray[Any]:
+    """Resize an image with OpenCV, a few channels at a time, in a type that it takes."""
+    import cv2
+
+    kinds = {"bilinear": cv2.INTER_LINEAR, "bicubic": cv2.INTER_CUBIC, "area": cv2.INTER_AREA}
+    wider = "float32" if image.dtype.itemsize < 4 else "float64"
+    _require_exact(image, wider)
+    values = np.asarray(image, image.dtype.name if image.dtype.name in _OPENCV else wider)
+    channels = values[..., None] if image.ndim == 2 else values
+    parts = [
+        cv2.resize(
+            np.ascontiguousarray(channels[..., first : first + _CHANNELS]), (width, height), interpolation=kinds[how]
+        ).reshape(height, width, -1)
+        for first in range(0, channels.shape[2], _CHANNELS)
+    ]
+    whole = np.concatenate(parts, axis=-1) if parts else np.empty((height, width, 0))
+    return _as_type(whole.reshape(height, width, *image.shape[2:]), image.dtype)
+
+
+def _as_type(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Convert interpolated values; integers are rounded and clipped to the limits of their type."""
+    if values.dtype == dtype or dtype.kind == "f":
+        with np.errstate(over="ignore"):  # bicubic float16 may exceed its type, and is infinite then
+            return values.astype(dtype, copy=False)
+    if dtype.kind == "b":
+        return values > 0.5
+    limits = np.iinfo(dtype)
+    return np.asarray(np.rint(values).clip(limits.min, limits.max), dtype)
 
 
 @dataclass(frozen=True)
@@ -146,7 +237,7 @@ def letterbox(
 
 
 def _pillow(image: NDArray[Any], height: int, width: int, kind: str) -> NDArray[Any]:
-    """Resize an image with Pillow, channel by channel if Pillow cannot resize it directly."""
+    """Resize an image with Pillow, channel by channel in float32 if Pillow cannot resize it directly."""
     from PIL import Image
 
     resampling = {
@@ -156,15 +247,13 @@ def _pillow(image: NDArray[Any], height: int, width: int, kind: str) -> NDArray[
     }[kind]
     if image.dtype == np.uint8 and (image.ndim == 2 or image.shape[2] == 3):
         return np.array(Image.fromarray(np.ascontiguousarray(image)).resize((width, height), resampling))
+    _require_exact(image, "float32")
     channels = image[..., None] if image.ndim == 2 else image
-    resized = [
-        np.asarray(
-            Image.fromarray(np.ascontiguousarray(channels[..., c], np.float32)).resize((width, height), resampling)
-        )
-        for c in range(channels.shape[2])
-    ]
-    stacked = np.stack(resized, -1).reshape(height, width, *image.shape[2:])
-    return stacked if image.dtype.kind == "f" else np.clip(np.rint(stacked), 0, 255).astype(image.dtype)
+    resized = np.empty((height, width, channels.shape[2]), np.float32)
+    for c in range(channels.shape[2]):
+        plane = Image.fromarray(np.ascontiguousarray(channels[..., c], np.float32))
+        resized[..., c] = np.asarray(plane.resize((width, height), resampling))
+    return _as_type(resized.reshape(height, width, *image.shape[2:]), image.dtype)
 
 
 def check_mask(image: UInt8Array, mask: BoolArray) -> BoolArray:

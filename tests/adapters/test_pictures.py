@@ -18,7 +18,7 @@ from physic_core.adapters.pictures import (
     resize_image,
     resize_map,
 )
-from physic_core.errors import BackendError
+from physic_core.errors import BackendError, InputError
 
 rng = np.random.default_rng(5)
 PHOTO = rng.integers(0, 256, (37, 53, 3), np.uint8)
@@ -72,6 +72,90 @@ class TestSquash:
     def test_nearest_takes_the_pixel_whose_centre_is_nearest(self):
         image = np.arange(9, dtype=np.float32)[None].repeat(3, 0)
         np.testing.assert_array_equal(resize_image(image, 1, 3, "nearest"), [[1, 4, 7]])
+
+
+METHODS = ("bilinear", "bicubic", "area", "bilinear-antialias", "bicubic-antialias", "lanczos-antialias")
+TYPES = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float16", "float32", ">f4")
+
+
+@pytest.mark.parametrize(("height", "width"), [(31, 44), (7, 9)])
+@pytest.mark.parametrize("how", METHODS)
+class TestTypesAndChannels:
+    @pytest.mark.parametrize("dtype", TYPES)
+    def test_each_type_comes_back_with_the_values_of_float64(self, how, dtype, height, width):
+        image = rng.integers(50, 80, (16, 20, 3)).astype(dtype)
+        expected = resize_image(image.astype(np.float64), height, width, how)
+        found = resize_image(image, height, width, how)
+        assert found.dtype.name == np.dtype(dtype).name
+        # Integers are rounded, by OpenCV and Pillow twice.
+        error = {"float16": 0.1, "float32": 1e-3, ">f4": 1e-3}.get(dtype, 1.6)
+        np.testing.assert_allclose(found.astype(float), expected, atol=error)
+
+    def test_a_mask_is_true_where_more_than_half_is(self, how, height, width):
+        mask = rng.random((16, 20)) > 0.5
+        share = resize_image(mask.astype(np.float64), height, width, how)
+        clear = abs(share - 0.5) > 1e-4
+        np.testing.assert_array_equal(resize_image(mask, height, width, how)[clear], share[clear] > 0.5)
+
+    @pytest.mark.parametrize("channels", [0, 1, 2, 3, 4, 5, 129, 133, 600])
+    def test_each_channel_is_resized_alone(self, how, channels, height, width):
+        image = rng.random((6, 5, channels)).astype(np.float32)
+        found = resize_image(image, height, width, how)
+        assert found.shape == (height, width, channels)
+        for c in {0, channels // 2, channels - 1} if channels else ():
+            np.testing.assert_allclose(found[..., c], resize_image(image[..., c], height, width, how), atol=1e-5)
+
+
+@pytest.mark.parametrize("size", [(7, 9), (31, 44), (64, 48)])
+@pytest.mark.parametrize("dtype", ["int64", "float16", "complex64", "object", "U3", "datetime64[s]", "i4,f8"])
+def test_nearest_takes_values_of_every_type_as_pillow_does(dtype, size):
+    numbers = np.arange(16 * 20, dtype=np.float32).reshape(16, 20)
+    taken = np.asarray(Image.fromarray(numbers).resize(size[::-1], Image.Resampling.NEAREST)).astype(int)
+    image = np.zeros((16 * 20, 7), dtype)
+    image[:] = rng.integers(0, 300, (16 * 20, 7)).astype(dtype) if dtype != "i4,f8" else image
+    found = resize_image(image.reshape(16, 20, 7), *size, "nearest")
+    assert found.dtype == image.dtype
+    np.testing.assert_array_equal(found, image[taken.ravel()].reshape(*size, 7))
+
+
+def test_nearest_keeps_labels_beyond_32_bits():
+    labels = np.full((8, 9), 2147483653)
+    found = resize_image(labels, 16, 20, "nearest")
+    assert (found.dtype, set(found.ravel().tolist())) == (np.int64, {2147483653})
+
+
+@pytest.mark.parametrize("resize", [resize_map, resize_image])
+@pytest.mark.parametrize(
+    ("image", "words"),
+    [
+        (np.zeros((4, 5), complex), "got complex128"),
+        (np.zeros((4, 5), object), "got object"),
+        (np.zeros((4, 5), "U3"), "got <U3"),
+        (np.zeros((4, 5), "f4,i8"), "got [('f0'"),
+        (np.zeros((4, 5), "datetime64[s]"), "got datetime64"),
+        (np.zeros((4, 5), np.longdouble), "got float128"),
+        (np.ma.zeros((4, 5)), "got MaskedArray: write numpy.asarray"),
+        (np.zeros((4, 5)).view(np.recarray), "got recarray: write numpy.asarray"),
+        (torch.zeros(4, 5), "got Tensor: write .detach().cpu().numpy()"),
+        ([[1, 2]], "got list"),
+        (np.zeros(()), "got ()"),
+        (np.zeros((2, 3, 4, 5)), "got (2, 3, 4, 5)"),
+        (np.zeros((0, 5)), "got (0, 5)"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else None,
+)
+def test_what_cannot_be_resized_is_refused_by_name(resize, image, words):
+    with pytest.raises(InputError) as error:
+        resize(image, 8, 9)
+    assert words in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("dtype", "how", "value"), [("int64", "bilinear", 2**53 + 1), ("int32", "bicubic-antialias", 2**24 + 1)]
+)
+def test_integers_that_would_lose_digits_are_refused(dtype, how, value):
+    with pytest.raises(InputError, match=str(value)):
+        resize_image(np.full((4, 5), value, dtype), 8, 9, how)
 
 
 def test_resample_keeps_places_by_half_pixel_centres():

@@ -35,7 +35,9 @@ class EmbeddedHandsOptions(Options):
     body: str = Field(
         default="embedded", description="Body whose hand is fitted: 'embedded', or the path of your own SMPLX_*.npz."
     )
-    threads: int = Field(default=2, ge=0, le=256, description="Threads inside one operator; 0 lets onnxruntime choose.")
+    threads: int = Field(
+        default=2, ge=0, le=256, description="Threads of an operator; 0: one for each core of the process."
+    )
 
 
 class EmbeddedHands(PackagedBackend, HandEstimator):

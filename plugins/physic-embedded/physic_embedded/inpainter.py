@@ -30,7 +30,9 @@ class MiGanOptions(Options):
         description="Share of the long side by which the hole that the network sees is wider than the one it fills: "
         "at the edge its fill takes on the colours of what is removed. 0 gives the network's own soft edge.",
     )
-    threads: int = Field(default=2, ge=0, le=256, description="Threads inside one operator; 0 lets onnxruntime choose.")
+    threads: int = Field(
+        default=2, ge=0, le=256, description="Threads of an operator; 0: one for each core of the process."
+    )
 
 
 class MiGan(PackagedBackend, Inpainter):

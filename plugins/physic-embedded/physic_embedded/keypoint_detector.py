@@ -36,7 +36,9 @@ class EmbeddedKeypointsOptions(Options):
     reuse: bool = Field(
         default=True, description="Take joints that the segmenter already found, where they are of this skeleton."
     )
-    threads: int = Field(default=2, ge=0, le=256, description="Threads inside one operator; 0 lets onnxruntime choose.")
+    threads: int = Field(
+        default=2, ge=0, le=256, description="Threads of an operator; 0: one for each core of the process."
+    )
 
 
 class EmbeddedKeypoints(PackagedBackend, KeypointDetector):

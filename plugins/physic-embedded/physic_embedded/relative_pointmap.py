@@ -69,7 +69,7 @@ class EmbeddedPointmapOptions(Options):
         description="arithmetic of the depth network's matrix products; auto is int8 on the CPU and float32 elsewhere. "
         "int8 takes two thirds of the time, but one level of one pixel can then move the scene by centimetres",
     )
-    threads: int = Field(2, ge=0, le=256, description="threads of the network; 0 leaves the choice to onnxruntime")
+    threads: int = Field(2, ge=0, le=256, description="threads of the network; 0: one for each core of the process")
 
 
 class EmbeddedPointmap(PackagedBackend, RelativePointmap):

@@ -65,7 +65,9 @@ class EmbeddedSegmenterOptions(Options):
         description="Arithmetic of the mask network's matrix products; auto is int8 on the CPU and float32 elsewhere. "
         "With int8, one level of one pixel can move the edge of a mask, and by it the focal length.",
     )
-    threads: int = Field(default=2, ge=0, le=256, description="Threads inside one operator; 0 lets onnxruntime choose.")
+    threads: int = Field(
+        default=2, ge=0, le=256, description="Threads of an operator; 0: one for each core of the process."
+    )
 
 
 class EmbeddedSegmenter(PackagedBackend, Segmenter):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -33,7 +34,7 @@ class OnnxOptions(Options):
         "auto",
         description="what onnxruntime computes with; 'auto' follows the device: the CPU, or CUDA on a GPU of NVIDIA",
     )
-    threads: int = Field(2, ge=0, le=256, description="threads on the CPU; 0 leaves the choice to onnxruntime")
+    threads: int = Field(2, ge=0, le=256, description="threads on the CPU; 0: one for each core of the process")
 
 
 @dataclass(frozen=True)
@@ -60,10 +61,12 @@ class Network:
         outputs: name -> port, in the file's order.
         provider: execution provider that runs it: "CPU", "CUDA", ...
         metadata: what the exporter wrote beside the graph, as texts.
+        shares_ranges: whether it quantises all rows of a batch with one range, so that rows change each other.
     """
 
-    def __init__(self, session: OnnxSession, name: str) -> None:
-        self.name = name
+    def __init__(self, session: OnnxSession, path: Path) -> None:
+        self.name = path.name
+        self.shares_ranges = _names_operator(path, b"DynamicQuantize")
         self.provider = session.provider.name
         self.inputs: Mapping[str, Port] = {node.name: _port(node) for node in session.session.get_inputs()}
         self.outputs: Mapping[str, Port] = {node.name: _port(node) for node in session.session.get_outputs()}
@@ -125,7 +128,13 @@ def open_network(path: Path, options: OnnxOptions, device: str) -> Network:
         "If the file is broken or cut short, `physic weights verify` reports it, and `physic weights fetch` fetches "
         "it again"
     )
-    return Network(open_session(path, options.threads, device, options.provider, broken=broken), path.name)
+    return Network(open_session(path, options.threads, device, options.provider, broken=broken), path)
+
+
+def _names_operator(path: Path, start: bytes) -> bool:
+    """Return whether an ONNX file, which holds the names of its operators as text, has one that starts so."""
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        return content.find(start) >= 0
 
 
 def _port(node: Any) -> Port:

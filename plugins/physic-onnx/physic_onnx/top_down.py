@@ -141,7 +141,8 @@ def run_batches(
     """Run a network over N rows in batches.
 
     Args:
-        loaded: the network; a file that fixes its batch gets batches of that size.
+        loaded: the network; a file that fixes its batch gets batches of that size. One that quantises a batch with one
+            range gets one row at a time, repeated where it fixes its batch.
         feed: input, by the adapter's name -> (N, ...), N > 0.
         outputs: by the adapter's names.
         most: rows at a time where the file leaves the batch free.
@@ -155,4 +156,9 @@ def run_batches(
     def call(part: dict[str, NDArray[Any]]) -> list[NDArray[Any]]:
         return loaded.ports.run(loaded.network, part, outputs)
 
+    def call_alone(part: dict[str, NDArray[Any]]) -> list[NDArray[Any]]:
+        return run_in_batches(call, part, fixed[0] if fixed else 1, full=bool(fixed))
+
+    if loaded.network.shares_ranges:
+        return run_in_batches(call_alone, feed, 1)
     return run_in_batches(call, feed, fixed[0] if fixed else most, full=bool(fixed))

@@ -157,6 +157,7 @@ class StandInNetwork:
     name = "stand_in.onnx"
     provider = "CPU"
     metadata: Mapping[str, str] = {}
+    shares_ranges = False
 
     def __init__(
         self,

@@ -220,3 +220,33 @@ def test_conformance(stand_in_rtmpose: Any, kind: type, skeleton: str, count: in
     print(report.summary, report.accuracy)
     report.raise_if_failed()
     assert report.accuracy["px"] < 1.0
+
+
+@pytest.mark.parametrize("batch", ["batch", 1, 4])
+def test_people_of_a_network_with_dynamic_ranges_do_not_change_each_other(
+    graph: Any, node: Any, loaded: Any, tmp_path: Path, batch: str | int
+) -> None:
+    """DynamicQuantizeLinear has one range for all rows: a bright person would make steps of a dark one coarse."""
+    nodes = [
+        node("DynamicQuantizeLinear", ["input"], ["bytes", "scale", "zero"]),
+        node("DequantizeLinear", ["bytes", "scale", "zero"], ["seen"]),
+        node("ReduceMax", ["seen"], ["rows"], axes=[2], keepdims=0),
+        node("ReduceMax", ["seen"], ["columns"], axes=[3], keepdims=0),
+    ]
+    for line, out in (("rows", "simcc_x"), ("columns", "simcc_y")):
+        nodes += [
+            node("Gather", [line, "colours"], [f"{line} of joints"], axis=1),
+            node("Resize", [f"{line} of joints", "", "twice"], [out], mode="linear"),
+        ]
+    ports = {"simcc_x": ("float32", (batch, 17, 384)), "simcc_y": ("float32", (batch, 17, 512))}
+    constants = {"colours": np.arange(17) % 3, "twice": np.array([1, 1, 2], np.float32)}
+    path = graph(tmp_path / "int8.onnx", {"input": ("float32", (batch, 3, 256, 192))}, ports, nodes, constants)
+    detector = loaded(RtmPose, path)
+    photo = np.random.default_rng(0).integers(130, 170, (240, 640, 3), np.uint8)
+    photo[:, 320:] += 85
+    boxes = [(10.0, 20.0, 110.0, 220.0), (530.0, 20.0, 630.0, 220.0)]
+    both = detector.infer(photo, people(*boxes, size=photo.shape[:2]))
+    for i, box in enumerate(boxes):
+        alone = detector.infer(photo, people(box, size=photo.shape[:2]))
+        np.testing.assert_array_equal(both.points[i], alone.points[0])
+        np.testing.assert_array_equal(both.confidence[i], alone.confidence[0])

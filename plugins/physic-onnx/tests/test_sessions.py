@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import logging
+import os
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -198,3 +201,23 @@ class TestFiles:
         (tmp_path / location).unlink()
         with pytest.raises(BackendError, match=(tmp_path / location).name):
             open_network(path, OnnxOptions(), "cpu")
+
+
+CONFINED = """
+import os, sys
+from pathlib import Path
+from physic_core.adapters.onnx_sessions import open_session
+cores = {max(os.sched_getaffinity(0))}
+os.sched_setaffinity(0, cores)
+before = set(os.listdir("/proc/self/task"))
+kept = open_session(Path(sys.argv[1]), 0, "cpu", broken="")
+own = set(os.listdir("/proc/self/task")) - before
+assert all(os.sched_getaffinity(int(task)) == cores for task in own), "outside of the cores of the process"
+assert kept.session.get_session_options().intra_op_num_threads == 1
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="needs Linux")
+def test_threads_0_stay_within_the_cores_of_the_process(doubler):
+    done = subprocess.run([sys.executable, "-c", CONFINED, str(doubler())], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr

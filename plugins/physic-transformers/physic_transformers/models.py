@@ -1,14 +1,17 @@
 """Load models of Hugging Face transformers from local folders.
 
-Only model classes and tokenizers of the library are used: its image processors need torchvision and do little. Nothing
-is downloaded here; ``physic weights fetch NAME`` does that.
+Only model classes and tokenizers of the library are used: its image processors need torchvision and do little. Where
+torchvision is installed, model classes import it, too. Nothing is downloaded here; ``physic weights fetch NAME`` does
+that.
 """
 
 from __future__ import annotations
 
+import importlib.util
 import json
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
+from importlib.metadata import version  # noqa: TID251 -- of a package that cannot be imported
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -145,6 +148,7 @@ def open_model(spec: ModelSpec, folder: Path, options: ModelOptions, device: str
     try:
         kind = getattr(transformers, spec.class_name)
     except (AttributeError, ImportError) as cause:
+        _check_torchvision()
         raise BackendError(
             f"transformers {transformers.__version__} has no {spec.class_name}, or needs more for it: "
             f"pip install --upgrade transformers ({cause})"
@@ -161,6 +165,21 @@ def open_model(spec: ModelSpec, folder: Path, options: ModelOptions, device: str
         raise BackendError(f"{folder} cannot be read as {spec.class_name}: {type(cause).__name__}: {cause}") from cause
     _check_complete(folder, spec, loading_info)
     return TransformersModel(model.eval().to(device), tokenizer, threads=options.threads if device == "cpu" else 0)
+
+
+def _check_torchvision() -> None:
+    """Raise BackendError if torchvision, which the library imports where it finds it, does not fit torch."""
+    import torch
+
+    if importlib.util.find_spec("torchvision") is None:
+        return
+    try:
+        importlib.import_module("torchvision")
+    except Exception as cause:  # a missing operator is a RuntimeError, a missing library an OSError
+        raise BackendError(
+            f"torchvision {version('torchvision')} does not fit torch {torch.__version__} ({cause}), and transformers "
+            "imports it where it is installed: remove it (pip uninstall torchvision), or install the one for this torch"
+        ) from cause
 
 
 def _check_model_type(folder: Path, spec: ModelSpec) -> None:

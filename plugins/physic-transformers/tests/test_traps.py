@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -103,6 +105,37 @@ class TestWithoutTorchvision:
         answer = backend.infer(WIDE, *rest)
         backend.close()
         assert violations(INTERFACES[kind.interface], answer, **context) == []
+
+
+LOAD = """
+import sys
+from physic_core.pipeline.stage_runner import load_backend
+try:
+    load_backend("metric_depth", "zoedepth-hf", weights=sys.argv[1])
+except Exception as error:
+    print(type(error).__name__, error)
+"""
+
+
+def test_a_torchvision_that_does_not_fit_torch_is_named(saved: Callable[..., Path], tmp_path: Path) -> None:
+    """The library imports it where it is installed, and then says that its own class is missing."""
+    for folder, file, text in (
+        ("torchvision", "__init__.py", "raise RuntimeError('operator torchvision::nms does not exist')"),
+        ("torchvision-0.28.0.dist-info", "METADATA", "Metadata-Version: 2.1\nName: torchvision\nVersion: 0.28.0\n"),
+    ):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / file).write_text(text)
+    done = subprocess.run(
+        [sys.executable, "-c", LOAD, str(saved("zoedepth"))],
+        env=os.environ | {"PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert "BackendError" in done.stdout
+    assert "torchvision 0.28.0 does not fit torch" in done.stdout
+    assert "nms does not exist" in done.stdout
+    assert "--upgrade" not in done.stdout
 
 
 class TestDepthPro:

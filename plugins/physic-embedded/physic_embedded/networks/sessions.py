@@ -69,7 +69,7 @@ def open_packaged_session(name: str, threads: int = 2, device: str = "cpu") -> O
 
     Args:
         name: such as "pose_detection".
-        threads: threads inside one operator; 0 lets onnxruntime choose.
+        threads: threads inside one operator; 0 takes one for each core of the process.
         device: "cpu", "cuda" or "cuda:N".
 
     Raises:

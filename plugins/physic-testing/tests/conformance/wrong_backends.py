@@ -239,6 +239,15 @@ altered(
     "rows_do_not_depend_on_other_people",
     lambda a, *_: replace(a, probability=a.probability * (1 - 0.1 * len(a.probability))),
 )
+altered(
+    RightContact,
+    "coarser for all but the first",
+    "rows_do_not_depend_on_other_people",
+    lambda a, *_: replace(
+        a,
+        probability=np.concatenate([a.probability[:1], np.round(a.probability[1:] * 20).astype(np.float32) / 20 * 0.9]),
+    ),
+)
 restless(
     RightMetricDepth,
     "one person at most",
