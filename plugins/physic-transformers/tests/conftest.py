@@ -193,40 +193,6 @@ def depth_pro(*, use_fov_model: bool = True) -> Any:
     )
 
 
-def zoedepth() -> Any:
-    from transformers import BeitConfig, ZoeDepthConfig, ZoeDepthForDepthEstimation
-
-    backbone = BeitConfig(
-        image_size=384, patch_size=16, hidden_size=16, num_hidden_layers=4, num_attention_heads=2, intermediate_size=16,
-        out_indices=[1, 2, 3, 4], reshape_hidden_states=False, use_relative_position_bias=True,
-    )  # fmt: skip
-    return ZoeDepthForDepthEstimation(
-        ZoeDepthConfig(
-            backbone_config=backbone,
-            neck_hidden_sizes=[8, 8, 8, 8],
-            fusion_hidden_size=8,
-            bottleneck_features=8,
-            num_relative_features=4,
-            bin_embedding_dim=8,
-            num_attractors=[2, 1, 1, 1],
-            patch_transformer_hidden_size=8,
-            patch_transformer_intermediate_size=8,
-            patch_transformer_num_attention_heads=2,
-        )
-    )
-
-
-def sapiens2() -> Any:
-    from transformers import Sapiens2Config, Sapiens2ForPoseEstimation, Sapiens2HeadConfig
-
-    head = Sapiens2HeadConfig(upsample_out_channels=[16, 16], conv_out_channels=[16], use_pixel_shuffle=False)
-    config = Sapiens2Config(
-        image_size=[256, 192], hidden_size=32, intermediate_size=64, num_hidden_layers=2, num_attention_heads=2,
-        num_key_value_attention_heads=2, num_register_tokens=2, head_config=head, num_labels=308,
-    )  # fmt: skip
-    return Sapiens2ForPoseEstimation(config)
-
-
 _TOKENIZERS: dict[Any, Callable[[Path], None]] = {
     grounding_dino: write_bert_tokenizer,
     sam3: write_clip_tokenizer,

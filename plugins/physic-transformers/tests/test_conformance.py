@@ -16,14 +16,12 @@ import torch
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from physic_core.errors import NoPersonError
-from physic_core.types import SKELETONS, PeoplePrompt
+from physic_core.types import PeoplePrompt
 from physic_testing import build_world, check_backend, world_of
 from physic_transformers.depth_pro import DepthPro
 from physic_transformers.eomt import Eomt
 from physic_transformers.grounded_sam2 import GroundedSam2
 from physic_transformers.sam3 import Sam3
-from physic_transformers.sapiens2 import KEYPOINT_OF_WHOLEBODY, Sapiens2
-from physic_transformers.zoedepth import ZoeDepth
 
 if TYPE_CHECKING:
     from physic_core.types import UInt8Array
@@ -114,52 +112,6 @@ class DepthProStandIn(StandIn):
         raw = squashed(focal / width / self.depth, 384, 384)
         angle = np.degrees(2 * np.arctan(width / 2 / focal))
         return SimpleNamespace(predicted_depth=batch(raw), field_of_view=torch.tensor([angle]))
-
-
-class ZoeDepthStandIn(StandIn):
-    def run(self, *, pixel_values: np.ndarray) -> Any:
-        rows, columns = pixel_values.shape[2:]
-        height, width = self.size
-        below, beside = int(3 * np.sqrt(height / 2)), int(3 * np.sqrt(width / 2))
-        seen = np.pad(self.image, ((below, below), (beside, beside), (0, 0)), mode="reflect")
-        depth = np.pad(np.minimum(self.depth, 80), ((below, below), (beside, beside)), mode="reflect")
-        shown = photo_at(seen, rows, columns)
-        mirrored = [pixel_values[0].transpose(1, 2, 0), shown - 0.5, shown[:, ::-1] - 0.5]
-        flip = np.sum(mirrored[0] * mirrored[2]) > np.sum(mirrored[0] * mirrored[1])
-        require_shown(pixel_values[0, :, :, ::-1] if flip else pixel_values[0], shown, *HALF)
-        found = squashed(depth, rows, columns)
-        return SimpleNamespace(predicted_depth=batch(found[:, ::-1] if flip else found))
-
-
-class Sapiens2StandIn(StandIn):
-    skeleton = "coco23"
-    config = SimpleNamespace(image_size=[1024, 768], num_labels=308)
-
-    def show_people(self, boxes: np.ndarray) -> None:
-        self.boxes = list(boxes)
-
-    def run(self, *, pixel_values: np.ndarray) -> Any:
-        """Return the maps of body and feet; the worlds' truth has no hands."""
-        found = np.zeros((len(pixel_values), 308, 64, 48), np.float32)
-        for maps in found:
-            maps[[KEYPOINT_OF_WHOLEBODY[i] for i in range(23)]] = self._maps(self.boxes.pop(0))
-        return SimpleNamespace(heatmaps=torch.from_numpy(found))
-
-    def _maps(self, box: np.ndarray) -> np.ndarray:
-        """(J, 64, 48): the points in the frame of unbiased data processing."""
-        maps = np.zeros((len(SKELETONS[self.skeleton].names), 64, 48), np.float32)
-        if self.world is None:
-            return maps
-        person = int(np.abs(self.world.boxes - box).sum(1).argmin())
-        wide, high = box[2] - box[0], box[3] - box[1]
-        wide, high = 1.25 * max(wide, 0.75 * high), 1.25 * max(high, wide / 0.75)
-        left, top = (box[0] + box[2] - 1 - wide) / 2, (box[1] + box[3] - 1 - high) / 2
-        rows, columns = np.mgrid[:64, :48]
-        for joint, (x, y) in enumerate(self.world.keypoints[self.skeleton][person]):
-            column, row = (x - left) / wide * 47, (y - top) / high * 63
-            sure = 0.9 if self.world.visible[self.skeleton][person, joint] else 0.2
-            maps[joint] = sure * np.exp(-((columns - column) ** 2 + (rows - row) ** 2) / 8)
-        return maps
 
 
 class EomtStandIn(StandIn):
@@ -323,14 +275,6 @@ class Telling:
 
 class TellingDepthPro(Telling, DepthPro):
     stand_ins = (("weights", DepthProStandIn),)
-
-
-class TellingZoeDepth(Telling, ZoeDepth):
-    stand_ins = (("weights", ZoeDepthStandIn),)
-
-
-class TellingSapiens2(Telling, Sapiens2):
-    stand_ins = (("weights", Sapiens2StandIn),)
 
 
 class TellingEomt(Telling, Eomt):

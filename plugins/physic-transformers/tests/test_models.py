@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,13 +19,11 @@ from physic_transformers.depth_pro import DepthPro, DepthProOptions
 from physic_transformers.eomt import Eomt, EomtOptions
 from physic_transformers.grounded_sam2 import GroundedSam2, GroundedSam2Options
 from physic_transformers.sam3 import Sam3, Sam3Options
-from physic_transformers.sapiens2 import Sapiens2
-from physic_transformers.zoedepth import ZoeDepth, ZoeDepthOptions
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-BACKENDS = (GroundedSam2, Sam3, Eomt, DepthPro, ZoeDepth, Sapiens2)
+BACKENDS = (GroundedSam2, Sam3, Eomt, DepthPro)
 GREY = np.full((60, 80, 3), 128, np.uint8)
 
 
@@ -39,11 +38,11 @@ def _own_places(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 
 def test_a_model_is_found_by_its_name_in_a_folder_of_weights(saved: Callable[..., Path], tmp_path: Path) -> None:
-    name = ZoeDepthOptions().weights
-    backend = ZoeDepth()
-    problem = f"weights '{name}' (MIT) are missing: `physic weights fetch {name}`"
-    assert backend.missing() == (problem,)
-    shutil.copytree(saved("zoedepth"), tmp_path / "weights" / name)
+    name = DepthProOptions().weights
+    backend = DepthPro()
+    (problem,) = backend.missing()
+    assert f"physic weights fetch {name}" in problem
+    shutil.copytree(saved("depth_pro"), tmp_path / "weights" / name)
     assert backend.missing() == ()
     backend.load()
     backend.infer(GREY, Hints())
@@ -80,28 +79,30 @@ def test_incomplete_weights_are_refused_and_never_initialised_randomly(
 ) -> None:
     from safetensors.numpy import load_file, save_file
 
-    folder = Path(shutil.copytree(saved("zoedepth"), tmp_path / "torn"))
+    folder = Path(shutil.copytree(saved("depth_pro"), tmp_path / "torn"))
     tensors = load_file(folder / "model.safetensors")
-    del tensors["metric_head.conv2.weight"], tensors["metric_head.conv2.bias"]
+    torn = sorted(name for name in tensors if name.startswith("head."))[-2:]
+    for name in torn:
+        del tensors[name]
     save_file(tensors, folder / "model.safetensors", {"format": "pt"})
-    absent = r"2 are expected and not found \(metric_head\.conv2\.bias, metric_head\.conv2\.weight\)"
+    absent = re.escape(f"2 are expected and not found ({', '.join(torn)})")
     with pytest.raises(BackendError, match=absent):
-        ZoeDepth(ZoeDepthOptions(weights=str(folder))).load()
+        DepthPro(DepthProOptions(weights=str(folder))).load()
 
 
 def test_weights_of_another_size_are_refused(saved: Callable[..., Path], tmp_path: Path) -> None:
-    folder = Path(shutil.copytree(saved("zoedepth"), tmp_path / "other"))
+    folder = Path(shutil.copytree(saved("depth_pro"), tmp_path / "other"))
     config = json.loads((folder / "config.json").read_text())
     (folder / "config.json").write_text(json.dumps({**config, "fusion_hidden_size": 6}))
-    with pytest.raises(BackendError, match="cannot be read as ZoeDepth"):
-        ZoeDepth(ZoeDepthOptions(weights=str(folder))).load()
+    with pytest.raises(BackendError, match="cannot be read as DepthPro"):
+        DepthPro(DepthProOptions(weights=str(folder))).load()
 
 
 def test_a_broken_config_is_refused(saved: Callable[..., Path], tmp_path: Path) -> None:
-    folder = Path(shutil.copytree(saved("zoedepth"), tmp_path / "broken"))
+    folder = Path(shutil.copytree(saved("depth_pro"), tmp_path / "broken"))
     (folder / "config.json").write_text("[]")
     with pytest.raises(BackendError, match=r"config\.json cannot be read"):
-        ZoeDepth(ZoeDepthOptions(weights=str(folder))).load()
+        DepthPro(DepthProOptions(weights=str(folder))).load()
 
 
 def test_a_panoptic_network_without_people_is_refused(saved: Callable[..., Path]) -> None:
@@ -110,10 +111,10 @@ def test_a_panoptic_network_without_people_is_refused(saved: Callable[..., Path]
 
 
 def test_half_precision_is_refused_on_a_cpu_and_bfloat16_is_not(saved: Callable[..., Path]) -> None:
-    folder = str(saved("zoedepth"))
+    folder = str(saved("depth_pro"))
     with pytest.raises(DeviceError, match="'float16' needs a GPU"):
-        ZoeDepth(ZoeDepthOptions(weights=folder, precision="float16")).load()
-    backend = ZoeDepth(ZoeDepthOptions(weights=folder, precision="bfloat16"))
+        DepthPro(DepthProOptions(weights=folder, precision="float16")).load()
+    backend = DepthPro(DepthProOptions(weights=folder, precision="bfloat16"))
     backend.load()
     assert backend.model()._model.dtype.itemsize == 2
     assert backend.infer(GREY, Hints()).depth.dtype == np.float32
@@ -123,7 +124,7 @@ def test_threads_are_given_back_after_the_call(saved: Callable[..., Path]) -> No
     import torch
 
     before = torch.get_num_threads()
-    backend = ZoeDepth(ZoeDepthOptions(weights=str(saved("zoedepth")), mirror=False, threads=before + 1))
+    backend = DepthPro(DepthProOptions(weights=str(saved("depth_pro")), threads=before + 1))
     backend.load()
     seen = []
     backend.model()._model.register_forward_hook(lambda *_: seen.append(torch.get_num_threads()))
@@ -153,12 +154,12 @@ def test_nothing_is_learnt_and_nothing_is_drawn_on_the_screen(
 def test_the_fingerprint_changes_with_the_files_and_not_with_their_place(
     saved: Callable[..., Path], tmp_path: Path
 ) -> None:
-    folder = saved("zoedepth")
+    folder = saved("depth_pro")
     copy = Path(shutil.copytree(folder, tmp_path / "copy"))
-    prints = [ZoeDepth(ZoeDepthOptions(weights=str(path))).fingerprint() for path in (folder, copy)]
+    prints = [DepthPro(DepthProOptions(weights=str(path))).fingerprint() for path in (folder, copy)]
     assert prints[0] == prints[1] != ""
     (copy / "config.json").write_text((copy / "config.json").read_text() + "\n")
-    assert ZoeDepth(ZoeDepthOptions(weights=str(copy))).fingerprint() != prints[0]
+    assert DepthPro(DepthProOptions(weights=str(copy))).fingerprint() != prints[0]
 
 
 @pytest.mark.parametrize(

@@ -40,5 +40,5 @@ def test_every_set_can_be_fetched_and_states_non_commercial_terms() -> None:
         assert name.endswith("-hf"), "names of other plugins' sets have no such end"
         assert all(file.source.startswith("hf://") for file in group.files), name
         free = any(words in group.license for words in ("Apache-2.0", "MIT", "SAM License"))
-        assert group.commercial is (None if "Sapiens2" in group.license else free), name
+        assert group.commercial is free, name
         assert group.account is (name == "sam3-hf"), name

@@ -22,8 +22,6 @@ from physic_transformers.eomt import Eomt, class_names
 from physic_transformers.grounded_sam2 import GroundedSam2, GroundedSam2Options, decode_text_boxes, format_prompt
 from physic_transformers.models import TransformersModel
 from physic_transformers.sam3 import Sam3, Sam3Options
-from physic_transformers.sapiens2 import Sapiens2
-from physic_transformers.zoedepth import ZoeDepth
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -84,8 +82,6 @@ class TestWithoutTorchvision:
             (Sam3, {"weights": "sam3"}, {"person_score": 0}),
             (Eomt, {"weights": "eomt"}, {"threshold": 0, "held": 0}),
             (DepthPro, {"weights": "depth_pro"}, {"farthest": 1e6}),
-            (ZoeDepth, {"weights": "zoedepth"}, {}),
-            (Sapiens2, {"weights": "sapiens2"}, {}),
         ],
     )
     def test_the_real_classes_load_and_infer(
