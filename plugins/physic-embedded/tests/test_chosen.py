@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import cv2
 import numpy as np
 import pytest
 
+from physic_core.adapters.people import Detections
 from physic_core.errors import NoPersonError
 from physic_core.interfaces import Segmenter, SegmenterRequest
 from physic_core.types import PeoplePrompt, SurfaceLabels
 from physic_embedded.networks.crops import RotatedSquare
 from physic_embedded.networks.mobile_sam import ImageEmbedding, MaskProposals
 from physic_embedded.networks.pose import Pose
+from physic_embedded.segmentation import people as people_module
 from physic_embedded.segmentation import unposed
 from physic_embedded.segmentation.hidden_people import GREY, grey_out
 from physic_embedded.segmentation.people import UnposedBox, square_from_upper_half
@@ -107,3 +110,28 @@ def test_boxes_of_people_who_have_a_pose_and_of_chairs_are_left_out(monkeypatch:
     assert mask[50, 100]
     assert mask[50, 170]
     assert not (mask & people).any()
+
+
+def test_a_stranger_changes_no_joint_of_sure_people(
+    pytestconfig: pytest.Config, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A weak box on the ground makes BlazePose search the whole photo."""
+    photo = cv2.imread(str(pytestconfig.rootpath / "examples" / "couple.jpg"))
+    image = np.ascontiguousarray(cv2.resize(photo, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)[..., ::-1])
+    find = people_module.detect_boxes
+
+    def detect_with_stranger(*args: Any, **kwargs: Any) -> Any:
+        boxes = find(*args, **kwargs)
+        stranger = np.array([[700.0, 500.0, 800.0, 620.0]])
+        everybody = Detections(np.concatenate([boxes.people.boxes, stranger]), np.append(boxes.people.scores, 0.35))
+        return boxes._replace(people=everybody)
+
+    backend = EmbeddedSegmenter(EmbeddedSegmenterOptions(threads=1))
+    backend.load()
+    alone = backend.infer(image)
+    monkeypatch.setattr(people_module, "detect_boxes", detect_with_stranger)
+    beside = backend.infer(image)
+    backend.close()
+    assert len(alone) == 2
+    assert np.array_equal(beside.keypoints.world[:2], alone.keypoints.world)
+    assert np.array_equal(beside.keypoints.points[:2], alone.keypoints.points)

@@ -2,7 +2,8 @@
 
 YOLOX detects people as boxes. The landmark network, which expects one person, runs on each box. Unless all boxes and
 their poses are sure, BlazePose's own detector adds people that YOLOX misses, and a second start for the landmark
-network. Both also detect animals and boards as people: boxes that YOLOX scores higher as one of these are left out.
+network at boxes that are not sure. Both also detect animals and boards as people: boxes that YOLOX scores higher as one
+of these are left out.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ MAX_SHARED_MASK = 0.5
 SIMILAR_FIT = 0.7
 """Poses with this share of the best fit are compared by their mirror images."""
 SURE_FIT, SURE_MIRROR_GAP = 0.5, 0.02
-"""Least fit and largest mirror gap of the poses of boxes that are all sure; the photo is then not searched again."""
+"""Least fit and largest mirror gap of a sure pose, which no other pose changes; if all are sure, that is the search."""
 SAME_PLACE = 0.02
 """Joints of two poses that are nearer than this share of the square's side are averaged."""
 
@@ -152,9 +153,13 @@ def detect_poses(
         (box, float(score), predict_pose(landmarker, picture, square_around(box)))
         for box, score in zip(boxes.boxes, boxes.scores, strict=True)
     ]
+    sure = [_is_sure(*one, settings) for one in posed]
     # The second search costs as much as all the rest, and adds no people where all boxes are sure.
-    blazepose = [] if _all_sure(posed, settings) else _search_blazepose(pose_detector, landmarker, picture, settings)
-    found = _best_poses(posed, [pose for pose, _ in blazepose], settings.box_score)
+    enough = bool(posed) and all(sure)
+    blazepose = [] if enough else _search_blazepose(pose_detector, landmarker, picture, settings)
+    others = [pose for pose, _ in blazepose]
+    candidates = [[] if one_is_sure else others for one_is_sure in sure]
+    found = _best_poses(posed, candidates, settings.box_score)
     found += [
         DetectedPose(pose, 0.5 * score * pose.score)
         for pose, score in blazepose
@@ -196,10 +201,14 @@ def _add_hidden_people(
         The boxes that still have no pose, without those of weak score.
     """
     unposed = []
+    greyed = 0  # people in grey in ``picture``
+    picture = ImagePyramid.from_image(image)
     for box, score in zip(boxes.boxes, boxes.scores, strict=True):
         if any(person.box is not None and np.array_equal(person.box, box) for person in kept):
             continue
-        picture = ImagePyramid.from_image(grey_out(image, [person.pose for person in kept]))
+        if greyed != len(kept):
+            picture = ImagePyramid.from_image(grey_out(image, [person.pose for person in kept]))
+            greyed = len(kept)
         least = MIN_BOX_FIT if score >= box_score else MIN_WEAK_FIT
         for pose in _poses_of_hidden_person(landmarker, picture, box, least):
             person = DetectedPose(pose, float(score * pose.score * np.sqrt(box_fit(pose, box))), box)
@@ -232,14 +241,13 @@ def _is_other_person(a: DetectedPose, b: DetectedPose) -> bool:
     return not is_same_person(a, b) and mask_overlap(a.pose, b.pose) <= MAX_SHARED_MASK
 
 
-def _all_sure(posed: Sequence[tuple[Float, float, Pose]], settings: SearchSettings) -> bool:
-    """Return whether there are boxes, and each has a high score and a pose that fits it."""
-    return bool(posed) and all(
+def _is_sure(box: Float, score: float, pose: Pose, settings: SearchSettings) -> bool:
+    """Return whether a box has a high score and a pose that fits it, the same in the mirror image."""
+    return (
         score >= settings.box_score
         and pose.score > 0.5
         and pose.mirror_gap < SURE_MIRROR_GAP
         and box_fit(pose, box) >= SURE_FIT
-        for box, score, pose in posed
     )
 
 
@@ -256,15 +264,15 @@ def _search_blazepose(
 
 
 def _best_poses(
-    posed: Sequence[tuple[Float, float, Pose]], others: Sequence[Pose], box_score: float
+    posed: Sequence[tuple[Float, float, Pose]], others: Sequence[Sequence[Pose]], box_score: float
 ) -> list[DetectedPose]:
-    """Return the best pose for each box, from the box's own pose and from the poses ``others``.
+    """Return the best pose for each box, from the box's own pose and from its ``others``.
 
     A box below ``box_score`` needs a better fit.
     """
     found = []
-    for box, score, own in posed:
-        poses = [own, *(pose for pose in others if _iou(joints_box(pose), box) > 0.4)]
+    for (box, score, own), candidates in zip(posed, others, strict=True):
+        poses = [own, *(pose for pose in candidates if _iou(joints_box(pose), box) > 0.4)]
         fits = np.array([box_fit(pose, box) for pose in poses])
         similar = [pose for pose, fit in zip(poses, fits, strict=True) if fit >= SIMILAR_FIT * fits.max()]
         best = min(similar, key=lambda pose: pose.mirror_gap - 0.05 * pose.score)
