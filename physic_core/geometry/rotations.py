@@ -7,6 +7,7 @@ need not have unit length.
 from __future__ import annotations
 
 import functools
+import warnings
 from typing import Any
 
 import numpy as np
@@ -114,6 +115,27 @@ def rotmat_to_rotvec(rotations: _Array) -> _Array:
     vectors = np.full((len(matrices), 3), np.nan)
     vectors[finite] = Rotation.from_matrix(matrices[finite]).as_rotvec()
     return vectors.reshape(rotations.shape[:-1])
+
+
+def rotmat_to_quat(rotations: NDArray[np.floating[Any]]) -> _Array:
+    """Convert rotation matrices (..., 3, 3) to unit quaternions (..., 4): x, y, z, w."""
+    quaternions: _Array = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_quat()
+    return quaternions.reshape(*rotations.shape[:-2], 4)
+
+
+def rotmat_to_euler(axes: str, rotations: NDArray[np.floating[Any]]) -> _Array:
+    """Convert rotation matrices (..., 3, 3) to angles (..., 3) in radians.
+
+    Where the first and the third axis coincide, the third angle is 0.
+
+    Args:
+        axes: of the three turns in their order: "xyz" are fixed axes, "XYZ" those of the turned body.
+        rotations: (..., 3, 3).
+    """
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Gimbal lock", UserWarning)
+        angles: _Array = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_euler(axes)
+    return angles.reshape(*rotations.shape[:-2], 3)
 
 
 def slerp(first: _Array, second: _Array, share: _Array | float) -> _Array:

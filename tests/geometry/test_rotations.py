@@ -1,4 +1,4 @@
-"""Rotation vectors to matrices: the same as roma, in value and slope, near zero and far from it."""
+"""Rotations: vectors to matrices as roma converts them, in value and slope, and back to angles and quaternions."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 import roma
 import torch
 
-from physic_core.geometry.rotations import rotvec_to_rotmat
+from physic_core.geometry.rotations import rotmat_to_euler, rotmat_to_quat, rotvec_to_rotmat
 
 ANGLES = [0.0, 1e-8, 1e-4, 0.03, 0.04, 0.49, 0.51, 1.0, 3.0, math.pi, 5.0]
 
@@ -41,3 +41,20 @@ def test_rotations_may_have_any_leading_dimensions():
     rotvec = torch.randn(2, 3, 4, 3)
     assert rotvec_to_rotmat(rotvec).shape == (2, 3, 4, 3, 3)
     assert rotvec_to_rotmat(torch.zeros(0, 3)).shape == (0, 3, 3)
+
+
+@pytest.mark.parametrize("axes", ["XYZ", "ZXY", "xyz"])
+def test_angles_and_quaternions_of_matrices_are_those_of_roma(axes):
+    matrices = roma.random_rotmat(50).double()
+    angles = rotmat_to_euler(axes, matrices.numpy())
+    assert torch.allclose(roma.euler_to_rotmat(axes, torch.from_numpy(angles)), matrices, atol=1e-7)
+    turns = torch.from_numpy(rotmat_to_quat(matrices.numpy().reshape(5, 10, 3, 3)).reshape(50, 4))
+    assert torch.allclose(roma.unitquat_to_rotmat(turns), matrices, atol=1e-7)
+
+
+def test_coinciding_axes_give_angles_of_the_same_rotation_without_a_warning():
+    matrix = roma.euler_to_rotmat("xyz", torch.tensor([0.3, math.pi / 2, 0.4], dtype=torch.float64))
+    angles = rotmat_to_euler("xyz", matrix.numpy())
+    assert angles.shape == (3,)
+    assert angles[2] == 0
+    assert torch.allclose(roma.euler_to_rotmat("xyz", torch.from_numpy(angles)), matrix, atol=1e-7)

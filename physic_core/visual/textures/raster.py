@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from physic_core.errors import BodyModelError
 from physic_core.files.npz import read_arrays
+
+_BLOCK = 2048  # triangles at a time, whose arrays fit into the processor's cache
 
 
 @dataclass(frozen=True)
@@ -34,39 +38,62 @@ class TextureRaster:
 
     def interpolate(self, triangles: NDArray[np.int64], values: NDArray[Any]) -> NDArray[np.float64]:
         """Return values (n, ...) at the texels of values (V, ...) at the corners of triangles (F, 3)."""
-        picked: NDArray[np.float64] = np.einsum("nk,nk...->n...", self.corners, values[triangles[self.faces]])
+        ends = np.arange(0, self.corners.size + 1, 3)
+        weights = csr_array(
+            (self.corners.ravel(), triangles[self.faces].ravel(), ends), shape=(len(self.faces), len(values))
+        )
+        picked: NDArray[np.float64] = weights @ values
         return picked
 
     def image(self, values: NDArray[Any]) -> NDArray[Any]:
         """Return values (n, ...) as an image (size, size, ...), continued over the edges of the charts."""
-        image = np.zeros((self.size, self.size, *values.shape[1:]), values.dtype)
-        image[self.rows, self.columns] = values
+        filled: NDArray[Any] = values[self._nearest]
+        return filled
+
+    @cached_property
+    def _nearest(self) -> NDArray[np.int64]:
+        """Texel whose value each pixel (size, size) of an image has."""
         inside = np.zeros((self.size, self.size), bool)
         inside[self.rows, self.columns] = True
-        return pad_texture(image, inside)
+        number = np.zeros((self.size, self.size), np.int64)
+        number[self.rows, self.columns] = np.arange(len(self.rows))
+        return pad_texture(number, inside)
 
 
 def rasterize_texture(mesh: TextureCoordinates, size: int) -> TextureRaster:
     """Return the texels with their centre in a triangle of the mesh; the first triangle wins where two overlap."""
     places = np.stack([mesh.uv[:, 0] * size - 0.5, (1 - mesh.uv[:, 1]) * size - 0.5], 1).astype(np.float64)
-    corners = places[mesh.faces]
-    low = np.clip(np.ceil(corners.min(1)), 0, size).astype(np.int64)
-    high = np.clip(np.floor(corners.max(1)) + 1, low, size).astype(np.int64)
+    triangles = places[mesh.faces]
+    owner = np.full(size * size, -1)
+    corners = np.empty((size * size, 3))
+    for start in range((len(triangles) - 1) // _BLOCK * _BLOCK, -1, -_BLOCK):  # the first triangles come last
+        texel, face, weights = _texels_inside(triangles[start : start + _BLOCK], size)
+        owner[texel] = start + face
+        corners[texel] = weights
+    texel = np.flatnonzero(owner >= 0)
+    return TextureRaster(size, texel // size, texel % size, owner[texel], corners[texel])
+
+
+def _texels_inside(
+    triangles: NDArray[np.float64], size: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """Return texel, triangle, and barycentric coordinates (n, 3) of texels in triangles (F, 3, 2), the last first."""
+    low = np.clip(np.ceil(triangles.min(1)), 0, size).astype(np.int64)
+    high = np.clip(np.floor(triangles.max(1)) + 1, low, size).astype(np.int64)
     width, height = (high - low).T
     count = width * height
     face = np.repeat(np.arange(len(count)), count)
     within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
     columns, rows = low[face, 0] + within % width[face], low[face, 1] + within // width[face]
-    a, b, c = corners[face].transpose(1, 0, 2)
-    spot = np.stack([columns, rows], 1)
-    area = _cross(b - a, c - a)
+    first, second, third = np.ascontiguousarray(triangles.transpose(1, 2, 0))
+    area = _cross(second - first, third - first)[face]
+    spot = np.stack([columns, rows])
+    to_first, to_second, to_third = (corner.take(face, 1) - spot for corner in (first, second, third))
     with np.errstate(divide="ignore", invalid="ignore"):
-        weights = np.stack([_cross(b - spot, c - spot), _cross(c - spot, a - spot), _cross(a - spot, b - spot)], 1)
-        weights /= area[:, None]
-    inside = np.flatnonzero((weights >= -1e-9).all(1))  # of an empty triangle they are NaN
-    _, first = np.unique(rows[inside] * size + columns[inside], return_index=True)
-    kept = inside[first]
-    return TextureRaster(size, rows[kept], columns[kept], face[kept], weights[kept])
+        weights = np.stack([_cross(to_second, to_third), _cross(to_third, to_first), _cross(to_first, to_second)])
+        weights /= area
+    inside = np.flatnonzero(weights.min(0) >= -1e-9)[::-1]  # of an empty triangle they are NaN
+    return (rows * size + columns)[inside], face[inside], weights[:, inside].T
 
 
 def pad_texture(image: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray[Any]:
@@ -84,7 +111,8 @@ def pad_texture(image: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray[Any]:
 
 
 def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    product: NDArray[np.float64] = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    """Return the products (n,) of vectors (2, n)."""
+    product: NDArray[np.float64] = a[0] * b[1] - a[1] * b[0]
     return product
 
 

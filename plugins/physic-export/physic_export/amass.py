@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import roma
 import torch
 
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.errors import InputError
 from physic_core.files.npz import read_arrays, write_arrays
+from physic_core.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy
 from physic_core.types import Bodies, BodyParameters
 from physic_core.visual.rig import body_of_result, pose_rig
 
@@ -126,8 +126,7 @@ def _arrays(model: BodyModel, person: BodyParameters, frame: ExportFrame, gender
     shape = torch.from_numpy(np.concatenate([person.betas, person.expression], 1).astype(np.float64))
     pelvis = model.kinematics.rest_joints(shape)[0, 0].numpy()
     turn, shift = frame.from_camera[:3, :3], frame.from_camera[:3, 3]
-    root = roma.rotvec_to_rotmat(torch.from_numpy(person.global_orient.astype(np.float64)))
-    orient = roma.rotmat_to_rotvec(torch.from_numpy(turn.copy()) @ root).numpy()
+    orient = rotmat_to_rotvec(turn @ rotvec_to_rotmat_numpy(person.global_orient.astype(np.float64)))
     # The pelvis joint moves to where the frame has it; trans is what is left after the rest position.
     trans = (person.transl[0].astype(np.float64) + pelvis) @ turn.T + shift - pelvis
     eyes = np.concatenate([person.leye_pose, person.reye_pose], 1)

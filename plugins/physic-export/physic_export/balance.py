@@ -6,13 +6,12 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import roma
-import torch
 import trimesh
 from scipy.optimize import linprog, minimize
 from scipy.spatial import ConvexHull
 
 from physic_core.body.joints import JOINT_INDEX
+from physic_core.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy
 from physic_core.geometry.upright import transform_points
 from physic_core.types.skeletons import SIDES
 from physic_core.visual.rig import rigs
@@ -124,8 +123,8 @@ def balanced(index: int, rig: Rig, vertices: Array, feet: Sequence[str]) -> Expo
         turned = _turned(turned, centre, aim, feet)
         turned, posed = _set_down(turned, skinned(turned), height)
         edges, centre = _sole_edges(turned, posed, feet)
-    change = torch.from_numpy(turned.rotations[0] @ rig.rotations[0].T)
-    angle = float(np.rad2deg(roma.rotmat_to_rotvec(change).norm().item()))
+    change = rotmat_to_rotvec(turned.rotations[0] @ rig.rotations[0].T)
+    angle = float(np.rad2deg(np.linalg.norm(change)))
     return ExportedPerson(index, turned, posed, angle, _inside(edges, centre))
 
 
@@ -139,7 +138,7 @@ def _turned(rig: Rig, centre: Array, aim: Array, feet: Sequence[str]) -> Rig:
     axis = np.cross(arm, to)
     angle = np.arctan2(np.linalg.norm(axis), arm @ to)
     axis *= angle / max(float(np.linalg.norm(axis)), 1e-12)
-    turn = roma.rotvec_to_rotmat(torch.from_numpy(axis)).numpy()
+    turn = rotvec_to_rotmat_numpy(axis)
     rotations, offsets = rig.rotations.copy(), rig.offsets.copy()
     rotations[0] = turn @ rotations[0]
     offsets[0] = pivot + turn @ (offsets[0] - pivot)

@@ -6,10 +6,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import roma
-import torch
 
 from physic_core import ExportedFiles, ExportRequest
+from physic_core.geometry.rotations import rotmat_to_euler
 from physic_core.visual.rig import Rig, rigs
 from physic_export.skeleton import bone_names, t_pose
 
@@ -40,8 +39,8 @@ def _document(rig: Rig, up: NDArray[np.float64]) -> str:
     _write_joint(rig, 0, 0, lines, order)
     lines += ["MOTION", "Frames: 2", "Frame Time: 0.0333333"]
     for posed in (t_pose(rig, up), rig):
-        # roma returns the angles of R = Rz Rx Ry, the order in which BVH applies its channels.
-        angles = roma.rotmat_to_euler("ZXY", torch.from_numpy(posed.rotations[order]), degrees=True).numpy()
+        # These are the angles of R = Rz Rx Ry, the order in which BVH applies its channels.
+        angles = np.rad2deg(rotmat_to_euler("ZXY", posed.rotations[order]))
         lines.append(" ".join(_number(n) for n in [*posed.offsets[0], *angles.reshape(-1)]))
     return "\n".join([*lines, ""])
 

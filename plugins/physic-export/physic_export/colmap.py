@@ -13,11 +13,10 @@ from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
 import numpy as np
-import roma
-import torch
 
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.errors import InputError
+from physic_core.geometry.rotations import rotmat_to_quat
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.textures.photo import encode_image
 from physic_export.depth import mask_picture
@@ -88,7 +87,7 @@ def _cameras(camera: Intrinsics) -> bytes:
 def _images(frame: ExportFrame, rows: IntArray, columns: IntArray) -> bytes:
     """Return the pose, and each pixel with the number of its point."""
     pose = np.linalg.inv(frame.from_camera)
-    quaternion = roma.rotmat_to_unitquat(torch.from_numpy(pose[:3, :3].copy())).numpy()[[3, 0, 1, 2]]
+    quaternion = rotmat_to_quat(pose[:3, :3])[[3, 0, 1, 2]]
     pixels = np.zeros(len(rows), _PIXEL)
     pixels["xy"] = np.column_stack([columns, rows]) + 0.5
     pixels["point"] = np.arange(1, len(rows) + 1)

@@ -7,10 +7,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import roma
-import torch
 
 from physic_core import ExportedFiles, ExportRequest
+from physic_core.geometry.rotations import rotmat_to_quat
 from physic_core.visual.glb import Appearance, body_material, build_glb, glb_notes, photo_appearance, textured_scene
 from physic_core.visual.palette import BODY_RGB
 from physic_core.visual.rig import rigs
@@ -97,8 +96,7 @@ def add_animation(
         channels.append({"sampler": len(samplers) - 1, "target": {"node": node, "path": path}})
 
     for joints, poses in skeletons:
-        rotations = torch.from_numpy(np.stack([pose.rotations for pose in poses]))
-        quaternions = roma.rotmat_to_unitquat(rotations).numpy()
+        quaternions = rotmat_to_quat(np.stack([pose.rotations for pose in poses]))
         add(joints[0], "translation", np.stack([pose.offsets[0] for pose in poses]))
         for joint, node in enumerate(joints):
             add(node, "rotation", quaternions[:, joint])

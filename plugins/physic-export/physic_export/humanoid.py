@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import roma
-import torch
+from scipy.spatial.transform import Rotation
 
 from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES, PARENTS
+from physic_core.geometry.rotations import rotmat_to_euler
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -249,14 +249,14 @@ def _hinges(name: str, rotation: Array) -> tuple[tuple[Hinge, ...], Array]:
     limits = LIMITS[plain]
     order = "".join(axis for axis, _, _ in limits)
     order += "".join(axis for axis in "zyx" if axis not in order)
-    angles = roma.rotmat_to_euler(order.upper(), torch.from_numpy(rotation.copy())).numpy()
+    angles = rotmat_to_euler(order.upper(), rotation)
 
     def turn(first: int) -> Array:
         """Return the product (3, 3) of the rotations from one on."""
         if first == len(order):
             return np.eye(3)
-        turned: Array = roma.euler_to_rotmat(order[first:].upper(), torch.from_numpy(angles[first:])).numpy()
-        return turned
+        turned: Array = Rotation.from_euler(order[first:].upper(), angles[first:]).as_matrix()
+        return turned.reshape(3, 3)
 
     rest = turn(len(limits))
     made = []

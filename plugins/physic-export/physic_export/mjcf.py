@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 import numpy as np
-import roma
-import torch
 
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.errors import InputError
+from physic_core.geometry.rotations import rotmat_to_quat
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import camera_pose, drawn_floor
 from physic_core.visual.rig import body_of_result
@@ -93,7 +92,7 @@ def add_humanoid(root: ElementTree.Element, name: str, segments: Sequence[Segmen
     bodies: list[ElementTree.Element] = []
     for segment in segments:
         own = name if segment.parent < 0 else f"{name}_{segment.name}"
-        quaternion = roma.rotmat_to_unitquat(torch.from_numpy(segment.pose[:3, :3].copy())).numpy()[[3, 0, 1, 2]]
+        quaternion = rotmat_to_quat(segment.pose[:3, :3])[[3, 0, 1, 2]]
         above = world if segment.parent < 0 else bodies[segment.parent]
         place = {"pos": numbers(segment.pose[:3, 3]), "quat": numbers(quaternion, 8)}
         body = ElementTree.SubElement(above, "body", {"name": own} | place)
@@ -241,7 +240,7 @@ def _mjcf_tree(request: ExportRequest, tiles: Sequence[Tile], jointed: Sequence[
         segments = body_segments(person.rig, person.vertices)
         add_humanoid(root, f"person_{person.index}", segments, geom)
     pose = camera_pose(request.frame)
-    quaternion = roma.rotmat_to_unitquat(torch.from_numpy(pose[:3, :3].copy())).numpy()
+    quaternion = rotmat_to_quat(pose[:3, :3])
     ElementTree.SubElement(
         world,
         "camera",

@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 import numpy as np
-import roma
-import torch
 import trimesh
 
 from physic_core import ExportedFiles, ExportRequest
+from physic_core.geometry.rotations import rotmat_to_euler, rotmat_to_quat
 from physic_core.geometry.upright import transform_points
 from physic_export.balance import people_of
 from physic_export.humanoid import SOLE_RADIUS_M, body_segments, max_torque
@@ -120,7 +119,7 @@ def _root(name: str, collides: bool) -> ElementTree.Element:
 
 def _pose(request: ExportRequest, segments: Sequence[Segment]) -> dict[str, object]:
     place = segments[0].pose
-    quaternion = roma.rotmat_to_unitquat(torch.from_numpy(place[:3, :3].copy())).tolist()
+    quaternion = rotmat_to_quat(place[:3, :3]).tolist()
     return {
         "frame": request.frame.axes,
         "base": {
@@ -203,5 +202,5 @@ def _add_inertia(link: ElementTree.Element, mass: float, center: Array, inertia:
 
 def _origin(place: Array) -> dict[str, str]:
     """Return position and fixed-axis angles (roll, pitch, yaw) of a pose (4, 4)."""
-    angles = roma.rotmat_to_euler("xyz", torch.from_numpy(place[:3, :3].copy()))
+    angles = rotmat_to_euler("xyz", place[:3, :3])
     return {"xyz": numbers(place[:3, 3]), "rpy": numbers(angles.tolist(), 8)}

@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import roma
-import torch
 
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.errors import PhysicError
+from physic_core.geometry.rotations import rotmat_to_quat
 from physic_core.visual.export.request import camera_pose, drawn_floor
 from physic_core.visual.glb import skin_influences
 from physic_core.visual.palette import BODY_RGB, FLOOR_RGB, contact_legend, linear_from_srgb
@@ -56,7 +55,7 @@ def add_skeleton(stage: Any, path: str, mesh: Any, rig: Rig, up: NDArray[np.floa
     animation.CreateScalesAttr(Vt.Vec3hArray([Gf.Vec3h(1, 1, 1)] * len(joints)))
     for time, posed in ((None, rig), (0, standing), (1, rig)):
         places = Vt.Vec3fArray.FromNumpy(posed.offsets.astype(np.float32))
-        turns = roma.rotmat_to_unitquat(torch.from_numpy(posed.rotations)).numpy()
+        turns = rotmat_to_quat(posed.rotations)
         quaternions = Vt.QuatfArray([Gf.Quatf(float(w), float(x), float(y), float(z)) for x, y, z, w in turns])
         for attribute, value in ((translations, places), (rotations, quaternions)):
             attribute.Set(value) if time is None else attribute.Set(value, time)
