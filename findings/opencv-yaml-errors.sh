@@ -1,0 +1,24 @@
+#!/bin/sh
+# OpenCV reads YAML with a key in quotes, which is valid. Expected: it reads it, or raises cv2.error.
+# Measured with opencv-python-headless 5.0.0.93: SystemError "returned a result with an exception set", which
+# `except cv2.error` does not catch; the cv2.error is its cause.
+set -eu
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+python3 -m venv "$folder/venv"
+"$folder/venv/bin/pip" install --quiet --disable-pip-version-check numpy==2.4.6 opencv-python-headless==5.0.0.93
+"$folder/venv/bin/python" - "$folder/cameras.yml" <<'PYTHON'
+import sys
+from pathlib import Path
+
+import cv2
+
+Path(sys.argv[1]).write_text('%YAML:1.0\n---\n"focal": 1400\n')
+try:
+    cv2.FileStorage(sys.argv[1], cv2.FILE_STORAGE_READ)
+    found, cause = "read", ""
+except Exception as error:
+    found, cause = type(error).__name__, type(error.__cause__).__name__
+print(f"OpenCV {cv2.__version__}: {found}, caused by {cause}")
+raise SystemExit((found, cause) != ("SystemError", "error"))
+PYTHON
