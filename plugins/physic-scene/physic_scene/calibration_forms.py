@@ -66,7 +66,7 @@ def _pose(rotation: Any, translation: Any) -> dict[str, Any]:
     if isinstance(rotation, str | None):  # Caliscope has written "null"
         return {}
     values = np.asarray(rotation, np.float64)
-    R = Rotation.from_rotvec(values.ravel()).as_matrix() if values.size == 3 else values
+    R = Rotation.from_rotvec(values.ravel()).as_matrix() if values.size == 3 else values.reshape(3, 3)
     return {"R": R.tolist(), "t": np.ravel(translation).tolist()}
 
 
@@ -115,11 +115,12 @@ def _read_easymocap(path: Path) -> CameraFile:
     tables = {}
     for name in [key[2:] for key in numbers if key.startswith("K_")]:
         size = [sides.get(f"{side}_{name}") for side in "WH"]
+        turn = numbers.get(f"Rot_{name}")
         tables[name] = {
             "size": size if all(size) else None,
             "K": numbers[f"K_{name}"].reshape(3, 3).tolist(),
             "distortion": _coefficients(numbers.get(f"dist_{name}")),
-            **_pose(numbers.get(f"R_{name}"), numbers.get(f"T_{name}")),
+            **_pose(numbers.get(f"R_{name}", turn), numbers.get(f"T_{name}")),
         }
     return CameraFile(tables)
 

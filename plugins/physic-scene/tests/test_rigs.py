@@ -66,6 +66,14 @@ def test_both_files_of_easymocap_are_read_with_its_six_decimals(path):
     assert distance(cameras[0], cameras[2]) == pytest.approx(4, rel=1e-5)
 
 
+def test_a_rotation_of_easymocap_is_a_vector_or_a_matrix(tmp_path):
+    path = changed(tmp_path, "easymocap/extri.yml", "\nR_", "\nvector_")
+    cameras = read_calibration(path, BY_FOLDER, SIZES)
+    others = read_calibration(RIGS / "easymocap", BY_FOLDER, SIZES)
+    for camera, other in zip(cameras, others, strict=True):
+        assert camera.pose == pytest.approx(other.pose, abs=1e-5)
+
+
 def test_a_photo_of_a_camera_without_a_size_has_its_principal_point_in_the_middle():
     for size in [(640, 360), (720, 1280), (1024, 576)]:
         with pytest.raises(InputError, match="middle"):
