@@ -1,4 +1,4 @@
-"""Depth of EXR files that Blender and OpenEXR wrote: each has depth in another channel."""
+"""Depth of files that other tools wrote (tools/real_files/depth.py): its channel has another name in each."""
 
 from __future__ import annotations
 
@@ -21,6 +21,13 @@ def test_a_plane_at_3_m_that_blender_rendered_is_at_3_m_and_nothing_is_unknown(n
     assert np.nanmin(depth) == pytest.approx(3.0, abs=1e-5)
     assert np.nanmax(depth) < 1e3
     assert np.isnan(depth).any()
+
+
+@pytest.mark.parametrize("name", ["opencv4_one.exr", "opencv4_three.exr", "depth_anything_3.npz"])
+def test_depth_of_opencv_and_of_depth_anything_3_arrives_as_it_was(name: str) -> None:
+    depth, _ = read_depth(FILES / name, 1.0, None)
+    assert depth.shape == (28, 42)
+    assert depth == pytest.approx(np.linspace(1, 5, 28 * 42).reshape(28, 42), abs=1e-5)
 
 
 def test_the_only_channel_z_is_depth() -> None:
