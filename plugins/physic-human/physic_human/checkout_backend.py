@@ -105,7 +105,7 @@ class CheckoutBackend(TorchBackend):
     def load_checkpoint(self, network: torch.nn.Module, path: Path, key: str = "state_dict") -> torch.nn.Module:
         """Load a checkpoint, whose tensors may be under a key, into a network; return it on its device."""
         state = read_checkpoint(path, trusted=self.options.trust_checkpoint)
-        _load_parameters(network, state.get(key, state), path)
+        load_parameters(network, state.get(key, state), path)
         return network.eval().to(self.device)
 
     @contextlib.contextmanager
@@ -167,7 +167,7 @@ def checkpoint_error(path: Path, error: Exception, *, trusted: bool) -> BackendE
     )
 
 
-def _load_parameters(network: torch.nn.Module, state: Mapping[str, Any], path: Path) -> None:
+def load_parameters(network: torch.nn.Module, state: Mapping[str, Any], path: Path) -> None:
     """Load a checkpoint's tensors into a network; unknown tensors are ignored.
 
     Args:

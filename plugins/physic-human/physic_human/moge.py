@@ -1,10 +1,18 @@
-"""Estimate a relative point map with a checkout of MoGe 1 (Wang et al. 2025), as in the PhySIC paper.
+"""Estimate depth and point maps with a checkout of MoGe 1 (Wang et al. 2025), the paper's, or of MoGe-3 (2026).
 
-The network returns points up to a scale and a shift along z. Focal length and shift are computed here.
+The networks return points up to a scale and a shift along z, MoGe-3 also the scale in metres. Focal length and shift
+are computed here.
 """
 
 from __future__ import annotations
 
+import importlib.util
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -13,36 +21,123 @@ from pydantic import Field
 from physic_core.adapters.affine_pointmap import points_on_rays, recover_camera
 from physic_core.adapters.checkouts import Checkout
 from physic_core.adapters.networks import picture_tensor, to_numpy
-from physic_core.errors import BackendError
-from physic_core.interfaces import Options, RelativePointmap
-from physic_core.types import Pointmap
-from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions
+from physic_core.cache.results import cached_network_result
+from physic_core.errors import BackendError, DeviceError
+from physic_core.interfaces import MetricDepth, Options, RelativePointmap
+from physic_core.types import DepthMap, Pointmap
+from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions, load_parameters, read_checkpoint
 
 if TYPE_CHECKING:
     import torch
+    from numpy.typing import NDArray
 
-    from physic_core.types import BoolArray, Hints, UInt8Array
+    from physic_core.types import BoolArray, FloatArray, Hints, Intrinsics, UInt8Array
 
 _LEVELS = 9
+_TOO_FLAT = "saw a scene too flat to tell the focal length"
 
 
-class Moge1Options(CheckoutOptions):
+class MogeOptions(CheckoutOptions):
+    """Settings of all MoGe backends."""
+
+    resolution_level: int = Field(default=9, ge=0, le=9, description="9 sees the finest details, 0 is fastest")
+
+
+class Moge1Options(MogeOptions):
     """Settings of MoGe 1."""
 
     weights: str = Field(
         default="moge-1-vitl", description="a name of `physic weights list`, or the path of a model.pt"
     )
-    resolution_level: int = Field(default=9, ge=0, le=9, description="9 sees the finest details, 0 is fastest")
 
 
-class Moge1(CheckoutBackend, RelativePointmap):
+class Moge3Options(MogeOptions):
+    """Settings of MoGe-3."""
+
+    weights: str = Field(
+        default="moge-3-vitl", description="a name of `physic weights list`, or the path of a model.pt"
+    )
+    refine_steps: int = Field(
+        default=0,
+        ge=0,
+        le=10,
+        description="steps of the refiner, 3 in the published code: they need a GPU and the package flex_gemm",
+    )
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """Points (H, W, 3) on the rays of ``camera`` where ``valid``; ``determined`` if the shift along z is known."""
+
+    points: FloatArray
+    valid: BoolArray
+    camera: Intrinsics
+    determined: bool
+
+    def pointmap(self, name: str) -> Pointmap:
+        """Return the point map, up to a scale, of the network ``name``."""
+        if self.determined:
+            return Pointmap(self.points, self.valid, "scale", self.camera)
+        return Pointmap(self.points, self.valid, "scale_shift", self.camera, (f"{name} {_TOO_FLAT}",))
+
+
+class _Moge(CheckoutBackend):
+    """Base class of the MoGe backends."""
+
+    title: ClassVar[str]
+    options: MogeOptions
+    reads = ("intrinsics",)
+    capabilities: ClassVar[frozenset[str]] = frozenset({"returns_intrinsics"})
+
+    def preprocess(self, image: UInt8Array, hints: Hints) -> UInt8Array:
+        """Return the image (H, W, 3)."""
+        return image
+
+    def _forward(self, image: UInt8Array, **settings: Any) -> Any:
+        """Run the network on red, green and blue from 0 to 1: it subtracts mean and divides by deviation itself."""
+        low, high = self.network.num_tokens_range
+        tokens = int(low + self.options.resolution_level / _LEVELS * (high - low))
+        pixels: torch.Tensor = picture_tensor(image, device=self.device)
+        with self.inference():
+            return self.network.forward(pixels, tokens, **settings)
+
+    def _checked(self, output: Any, image: UInt8Array, *more: str) -> tuple[NDArray[Any], ...]:
+        """Return points (H, W, 3), the probability of a surface (H, W), and further outputs of one image.
+
+        Raises:
+            BackendError: an output is missing or has another size.
+        """
+        names = ("points", "mask", *more)
+        if not isinstance(output, dict) or not set(names) <= output.keys():
+            got = ", ".join(sorted(output)) if isinstance(output, dict) else type(output).__name__
+            raise BackendError(
+                f"{self.title} returned {got}, expected {', '.join(names)}: take the checkout of "
+                f"{self.project.homepage}, and weights with these heads"
+            )
+        points, chance, *rest = (np.asarray(to_numpy(output[name])[0]) for name in names)
+        if points.shape != image.shape or chance.shape != image.shape[:2]:
+            raise BackendError(
+                f"{self.title} returned points {points.shape} and a mask {chance.shape} for {image.shape}"
+            )
+        return points, chance, *rest
+
+    def _solve(self, points: FloatArray, mask: BoolArray, given: Intrinsics | None, scale: float = 1.0) -> _Solved:
+        """Place the points on the rays of the given camera, or else of the estimated one."""
+        height, width = mask.shape
+        found = recover_camera(points, mask, None if given is None else (given.fx, given.fy))
+        source = self.title if found.determined else f"default: {self.title} saw a scene too flat to tell"
+        camera = given or found.intrinsics(width, height, source)
+        settled, valid = points_on_rays(points[..., 2], mask, found, camera, scale)
+        return _Solved(settled, valid, camera, found.determined)
+
+
+class Moge1(_Moge, RelativePointmap):
     """Relative point map by MoGe 1, up to a scale, on the pixel rays of the given camera or else the estimated one."""
 
     written_for = 1
+    title = "MoGe"
     Options: ClassVar[type[Options]] = Moge1Options
     options: Moge1Options
-    reads = ("intrinsics",)
-    capabilities: ClassVar[frozenset[str]] = frozenset({"returns_intrinsics"})
     project: ClassVar[Checkout] = Checkout(
         name="MoGe",
         package="moge.model.v1",
@@ -57,35 +152,127 @@ class Moge1(CheckoutBackend, RelativePointmap):
         with self.inference():
             return kind.from_pretrained(str(self.file())).eval().to(device)  # an existing path: nothing is fetched
 
-    def preprocess(self, image: UInt8Array, hints: Hints) -> torch.Tensor:
-        """Return red, green and blue from 0 to 1: the network subtracts mean and divides by deviation itself."""
-        pixels: torch.Tensor = picture_tensor(image, device=self.device)
-        return pixels
-
     def run(self, inputs: Any) -> Any:
         """Run the network with the number of tokens of the resolution level."""
-        low, high = self.network.num_tokens_range
-        tokens = int(low + self.options.resolution_level / _LEVELS * (high - low))
-        with self.inference():
-            return self.network.forward(inputs, tokens)
+        return self._forward(inputs)
 
     def postprocess(self, output: Any, image: UInt8Array, hints: Hints) -> Pointmap:
         """Return the point map, up to a scale, of an image (H, W, 3)."""
-        if not isinstance(output, dict) or not {"points", "mask"} <= output.keys():
-            raise BackendError(
-                f"MoGe returned {type(output).__name__} without points and mask: "
-                f"take the checkout of {self.project.homepage}"
-            )
-        points, chance = to_numpy(output["points"])[0], to_numpy(output["mask"])[0]
-        if points.shape != image.shape or chance.shape != image.shape[:2]:
-            raise BackendError(f"MoGe returned points {points.shape} and a mask {chance.shape} for {image.shape}")
-        mask: BoolArray = (chance > self.network.mask_threshold) & np.isfinite(points).all(axis=-1)
-        height, width = mask.shape
-        given = hints.intrinsics
-        found = recover_camera(points, mask, None if given is None else (given.fx, given.fy))
-        source = "MoGe" if found.determined else "default: MoGe saw a scene too flat to tell"
-        camera = given or found.intrinsics(width, height, source)
-        settled, valid = points_on_rays(points[..., 2], mask, found, camera)
-        if found.determined:
-            return Pointmap(settled, valid, "scale", camera)
-        return Pointmap(settled, valid, "scale_shift", camera, ("MoGe saw a scene too flat to tell the focal length",))
+        points, chance = self._checked(output, image)
+        mask = (chance > self.network.mask_threshold) & np.isfinite(points).all(axis=-1)
+        return self._solve(points, mask, hints.intrinsics).pointmap(self.title)
+
+
+class _Moge3(_Moge):
+    """Base class of both MoGe-3 backends."""
+
+    title = "MoGe-3"
+    Options: ClassVar[type[Options]] = Moge3Options
+    options: Moge3Options
+    project: ClassVar[Checkout] = Checkout(
+        name="MoGe-3",
+        package="moge.model.v3",
+        homepage="https://github.com/microsoft/MoGe",
+        commit="74fbce054ebed49800de42d0ad0e83495065719a",
+        needs=("huggingface_hub",),
+    )
+
+    def needs(self) -> tuple[str, ...]:
+        """Return the packages that the checkout imports; the refiner has a package of GPU kernels."""
+        return (*self.project.needs, "flex_gemm") if self.options.refine_steps else self.project.needs
+
+    def build(self, device: str) -> Any:
+        """Build the network, without its refiner if no step is wanted, and load its weights.
+
+        Raises:
+            DeviceError: steps of the refiner are wanted on a CPU.
+            BackendError: the file is no checkpoint of MoGe-3, or lacks parameters.
+        """
+        refines = bool(self.options.refine_steps)
+        if refines and device == "cpu":
+            raise DeviceError(f"{self.title}'s refiner runs on a GPU only: set refine_steps = 0, or use 'cuda'")
+        absent = [name for name in _TOOLS if importlib.util.find_spec(name) is None]
+        with _stand_ins(*(() if refines else _KERNELS), *absent):
+            kind = self.checkout.attribute("MoGeModel")
+        path = self.file()
+        checkpoint = read_checkpoint(path, trusted=self.options.trust_checkpoint)
+        if not isinstance(checkpoint, dict) or not {"model_config", "model"} <= checkpoint.keys():
+            raise BackendError(f"{path} is no checkpoint of {self.title}: it lacks model_config or model")
+        config = checkpoint["model_config"] if refines else {**checkpoint["model_config"], "refiner": None}
+        with self.inference(), warnings.catch_warnings():
+            warnings.filterwarnings("ignore", ".*refiner is not enabled")
+            network = kind(**config)
+        load_parameters(network, checkpoint["model"], path)
+        return network.eval().to(device)
+
+    def run(self, inputs: Any) -> Any:
+        """Run the network, or take its outputs for this image from the cache: both interfaces need them."""
+        steps = self.options.refine_steps
+        made_of = f"{self.fingerprint()} {self.options.resolution_level} {steps} {self.dtype} {self.device}"
+
+        def compute() -> tuple[NDArray[Any], ...]:
+            output = self._forward(inputs, refine_steps=steps)
+            return self._checked(output, inputs, "metric_scale")
+
+        return cached_network_result("moge-3", made_of, {"image": inputs}, compute)
+
+    def _solve_output(self, output: Any, given: Intrinsics | None, *, metric: bool) -> _Solved:
+        points, chance, scale = output
+        if not 0 < float(scale) < np.inf:
+            raise BackendError(f"{self.title} returned a scale of {float(scale)}, which has to be a number above 0")
+        mask = (chance > 0.5) & np.isfinite(points).all(axis=-1)
+        return self._solve(points, mask, given, float(scale) if metric else 1.0)
+
+
+class Moge3Pointmap(_Moge3, RelativePointmap):
+    """Relative point map by MoGe-3, without its metric scale."""
+
+    written_for = 1
+
+    def postprocess(self, output: Any, image: UInt8Array, hints: Hints) -> Pointmap:
+        """Return the point map, up to a scale, of an image (H, W, 3)."""
+        return self._solve_output(output, hints.intrinsics, metric=False).pointmap(self.title)
+
+
+class Moge3Depth(_Moge3, MetricDepth):
+    """Metric depth by MoGe-3, in the camera of ``hints``; if that camera is a default, in the estimated camera."""
+
+    written_for = 1
+
+    def postprocess(self, output: Any, image: UInt8Array, hints: Hints) -> DepthMap:
+        """Return the metric depth of an image (H, W, 3), and its camera."""
+        known = hints.intrinsics
+        if known is not None and known.guessed:
+            known = None
+        solved = self._solve_output(output, known, metric=True)
+        notes = () if solved.determined else (f"{self.title} {_TOO_FLAT}: {solved.camera.fx:.0f} px is a guess",)
+        return DepthMap(solved.points[..., 2].copy(), solved.camera, notes=notes)
+
+
+_KERNELS = ("flex_gemm", "flex_gemm.nn", "flex_gemm.ops")  # import Triton, which needs a GPU
+_TOOLS = ("utils3d", "utils3d_moge")  # imported under either name, and not used by the network
+
+
+@contextmanager
+def _stand_ins(*names: str) -> Iterator[None]:
+    """Let code import names from modules that it does not use: each is an empty ``torch.nn.Module``."""
+    import torch
+
+    def attribute(name: str) -> Any:
+        if name.startswith("__"):  # of Python's own import
+            raise AttributeError(name)
+        return torch.nn.Module
+
+    before = {name: sys.modules.get(name) for name in names}
+    for name in names:
+        module = ModuleType(name)
+        module.__dict__["__getattr__"] = attribute
+        sys.modules[name] = module
+    try:
+        yield
+    finally:
+        for name, module_before in before.items():
+            if module_before is None:
+                del sys.modules[name]
+            else:
+                sys.modules[name] = module_before

@@ -1,16 +1,25 @@
-"""MoGe 1: colours, cameras, shifts, and the whole kit with a perfect network."""
+"""MoGe 1 and MoGe-3: colours, cameras, shifts, and the whole kit with a perfect network."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
 
-from physic_core.types import Hints
-from physic_human.moge import Moge1, Moge1Options
+from physic_core.cache.results import ResultCache
+from physic_core.configuration.resolve import ResolvedBackend
+from physic_core.errors import PhysicError
+from physic_core.interfaces import MetricDepthRequest, RelativePointmapRequest
+from physic_core.pipeline.stage_runner import StageRunner
+from physic_core.types import CameraTrust, Hints, Intrinsics, Provenance
+from physic_human.moge import Moge1, Moge1Options, Moge3Depth, Moge3Options, Moge3Pointmap
 from physic_testing.conformance import parametrize_with_checks
 from physic_testing.worlds import world_of
 
@@ -90,6 +99,14 @@ class PerfectMoge:
         return {"points": torch.from_numpy(points)[None], "mask": torch.from_numpy(np.where(seen, 0.95, 0.02))[None]}
 
 
+class PerfectMoge3(PerfectMoge):
+    """The same with the scale in metres."""
+
+    def forward(self, pixels: torch.Tensor, tokens: int, refine_steps: int = 3) -> dict[str, torch.Tensor]:
+        assert (tokens, refine_steps) == (2500, 0)
+        return super().forward(pixels, tokens) | {"metric_scale": torch.full((1,), 2.2)}
+
+
 class MogeOnWorlds(OnWorlds, Moge1):
     perfect_network = PerfectMoge
 
@@ -97,3 +114,165 @@ class MogeOnWorlds(OnWorlds, Moge1):
 @parametrize_with_checks("relative_pointmap", MogeOnWorlds, capabilities={"exact"})
 def test_moge_conforms(check: Callable[[], None]) -> None:
     check()
+
+
+class Moge3PointsOnWorlds(OnWorlds, Moge3Pointmap):
+    perfect_network = PerfectMoge3
+
+
+class Moge3DepthOnWorlds(OnWorlds, Moge3Depth):
+    perfect_network = PerfectMoge3
+
+
+@parametrize_with_checks("relative_pointmap", Moge3PointsOnWorlds, capabilities={"exact"})
+def test_moge_3_conforms_as_a_pointmap(check: Callable[[], None]) -> None:
+    check()
+
+
+@parametrize_with_checks("metric_depth", Moge3DepthOnWorlds, capabilities={"exact"})
+def test_moge_3_conforms_as_a_depth(check: Callable[[], None]) -> None:
+    check()
+
+
+# A checkout that imports GPU kernels at the top, as the published one does.
+MOGE_3 = """
+import torch
+import utils3d
+from flex_gemm.nn import SubmanifoldConv3d
+from flex_gemm.ops import NeighborCache
+
+class MoGeModel(torch.nn.Module):
+    num_tokens_range = [1200, 3600]
+
+    def __init__(self, refiner=None, scale_head=True):
+        super().__init__()
+        self.runs = 0
+        self.shift, self.scale_head = torch.nn.Parameter(torch.zeros(1)), scale_head
+        if refiner is not None:
+            self.refiner = SubmanifoldConv3d(3, 1)
+
+    def forward(self, image, num_tokens, refine_steps=3):
+        assert refine_steps == 0 and num_tokens == 3600
+        self.runs += 1
+        height, width = image.shape[-2:]
+        v, u = torch.meshgrid(torch.arange(height), torch.arange(width), indexing="ij")
+        z = 2.0 + 0.01 * u + 0.02 * v
+        points = torch.stack([z * (u - (width - 1) / 2) / 300, z * (v - (height - 1) / 2) / 300, z - self.shift], -1)
+        scale = {"metric_scale": torch.full((1,), 1.5)} if self.scale_head else {}
+        return {"points": points[None], "mask": torch.where(u > 4, 0.9, 0.1)[None]} | scale
+"""
+
+
+@pytest.fixture
+def moge_3(stub: Callable[..., Path], tmp_path: Path) -> Callable[..., Moge3Depth]:
+    def make(state: dict[str, float] | None = None, refine_steps: int = 0, **config: object) -> Moge3Depth:
+        checkout = stub("moge3", {"moge/__init__.py": "", "moge/model/v3.py": MOGE_3})
+        tensors = {name: torch.full((1,), value) for name, value in (state or {"shift": 1.5}).items()}
+        torch.save({"model_config": {"refiner": {}, **config}, "model": tensors}, tmp_path / "model.pt")
+        options = {"checkout": str(checkout), "weights": str(tmp_path / "model.pt"), "refine_steps": refine_steps}
+        return Moge3Depth(Moge3Options(**options))
+
+    return make
+
+
+def test_moge_3_runs_on_a_cpu_without_the_kernels_of_its_refiner(moge_3: Callable[..., Moge3Depth]) -> None:
+    backend = moge_3({"shift": 1.5, "refiner.weight": 0.0})
+    assert backend.missing() == ()
+    backend.load()
+    assert not {"flex_gemm", "flex_gemm.nn", "flex_gemm.ops", "utils3d_moge"} & sys.modules.keys()
+    found = backend.infer(np.zeros((60, 80, 3), np.uint8), Hints())
+    v, u = np.mgrid[:60, :80]
+    np.testing.assert_allclose(found.depth[u > 4], 1.5 * (2.0 + 0.01 * u + 0.02 * v)[u > 4], rtol=0.01)
+    assert np.isnan(found.depth[u <= 4]).all()
+    assert found.intrinsics is not None
+    np.testing.assert_allclose(found.intrinsics.fx, 300, rtol=0.01)
+
+
+def test_a_known_camera_is_followed_by_moge_3_and_a_guessed_one_is_not(moge_3: Callable[..., Moge3Depth]) -> None:
+    backend = moge_3()
+    backend.load()
+    image = np.zeros((60, 80, 3), np.uint8)
+    for trust, fx in ((CameraTrust.KNOWN, 200.0), (CameraTrust.GUESSED, 300.0)):
+        camera = replace(Intrinsics.from_focal(200.0, 80, 60), trust=trust)
+        found = backend.infer(image, Hints(intrinsics=camera)).intrinsics
+        np.testing.assert_allclose(found.fx, fx, rtol=0.01)
+
+
+def test_both_interfaces_share_one_run_of_moge_3_by_the_cache(
+    moge_3: Callable[..., Moge3Depth], tmp_path: Path
+) -> None:
+    depth = moge_3()
+    points = Moge3Pointmap(depth.options)
+    image = np.zeros((60, 80, 3), np.uint8)
+    stages = StageRunner("cpu", 2, cache=ResultCache(tmp_path / "results", 10**8))
+    for backend, request in (
+        (points, RelativePointmapRequest(image, Hints())),
+        (depth, MetricDepthRequest(image, Hints())),
+    ):
+        who = Provenance(backend.interface, "moge-3", "physic_human", "physic-human", "1", {}, "")
+        stages.call_backend(backend.interface, ResolvedBackend(backend, who), request)
+    assert (network_of(points).runs, network_of(depth).runs) == (1, 0)
+
+
+@pytest.mark.parametrize(
+    ("made", "words"),
+    [
+        ({"state": {"other": 1.0}}, "is missing 1 of 1 parameters"),
+        ({"scale_head": False}, "expected points, mask, metric_scale"),
+        ({"refine_steps": 3}, "runs on a GPU only"),
+    ],
+)
+def test_what_moge_3_cannot_do_is_refused(moge_3: Callable[..., Moge3Depth], made: Any, words: str) -> None:
+    def use(backend: Moge3Depth) -> None:
+        backend.load()
+        backend.infer(np.zeros((60, 80, 3), np.uint8), Hints())
+
+    with pytest.raises(PhysicError, match=words):
+        use(moge_3(**made))
+
+
+def test_moge_3_answers_what_its_publishers_code_answers(tmp_path: Path) -> None:
+    """Their class with random weights, small, and their `infer` without the refiner, for a given focal length.
+
+    The points of such a network lie on no rays, so that no shift along z fits them: depths are compared up to one.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("flex_gemm", "flex_gemm.nn", "flex_gemm.ops"):
+            module = ModuleType(name)
+            module.__dict__["__getattr__"] = lambda _: torch.nn.Module
+            patch.setitem(sys.modules, name, module)
+        v3 = pytest.importorskip("moge.model.v3", reason="needs microsoft/MoGe: pip install its checkout")
+    levels: dict[str, Any] = {"dim_res_blocks": [16, 8, 8, 8, 8], "num_res_blocks": [0, 1, 1, 1, 0]}
+    levels |= {"res_block_in_norm": "none", "res_block_hidden_norm": "none"}
+    levels |= {"resamplers": ["conv_transpose", "conv_transpose", "conv_transpose", "bilinear"]}
+    ends = {"dim_in": [16, 8, 8, 8, 8], **levels}
+    config = {
+        "encoder": {"backbone": "dinov2_vits14", "intermediate_layers": [5, 11], "dim_out": 16},
+        "neck": {"dim_in": [18, 2, 2, 2, 2], "dim_out": None, **levels},
+        "points_head": {"dim_out": [None, None, None, None, 3], **ends},
+        "mask_head": {"dim_out": [None, None, None, None, 1], **ends},
+        "scale_head": {"dims": [384, 16, 1]},
+        "num_tokens_range": [40, 80],
+    }
+    torch.manual_seed(0)
+    with pytest.warns(UserWarning, match="refiner is not enabled"):
+        theirs = v3.MoGeModel(**config).eval()
+    for parameter in theirs.points_head.parameters():
+        parameter.data *= 2.2  # so that depths vary
+    torch.save(
+        {"model_config": config | {"refiner": {"in_channels": 3}}, "model": theirs.state_dict()}, tmp_path / "m.pt"
+    )
+    image = np.random.default_rng(0).integers(0, 256, (90, 120, 3), np.uint8)
+    camera = Intrinsics.from_focal(110.0, 120, 90)
+    pixels = torch.from_numpy(image).permute(2, 0, 1) / 255
+    fov = float(np.degrees(2 * np.arctan(60 / 110.0)))
+    expected = theirs.infer(pixels, fov_x=fov, refine_steps=0, use_fp16=False, apply_mask=False)
+    ours = Moge3Depth(Moge3Options(weights=str(tmp_path / "m.pt")))
+    ours.load()
+    found = ours.infer(image, Hints(intrinsics=replace(camera, trust=CameraTrust.KNOWN)))
+    seen = expected["mask"].numpy() & np.isfinite(found.depth)
+    assert seen.mean() > 0.5
+    own, other = (depth[seen] - np.median(depth[seen]) for depth in (found.depth, expected["depth"].numpy()))
+    rounding = 2 * np.finfo(np.float32).eps * np.nanmax(found.depth)
+    assert other.std() > 100 * rounding
+    np.testing.assert_allclose(own, other, atol=rounding)
