@@ -107,7 +107,7 @@ LOAD = """
 import sys
 from physic_core.pipeline.stage_runner import load_backend
 try:
-    load_backend("metric_depth", "zoedepth-hf", weights=sys.argv[1])
+    load_backend("segmenter", "eomt-hf", weights=sys.argv[1])
 except Exception as error:
     print(type(error).__name__, error)
 """
@@ -122,7 +122,7 @@ def test_a_torchvision_that_does_not_fit_torch_is_named(saved: Callable[..., Pat
         (tmp_path / folder).mkdir()
         (tmp_path / folder / file).write_text(text)
     done = subprocess.run(
-        [sys.executable, "-c", LOAD, str(saved("zoedepth"))],
+        [sys.executable, "-c", LOAD, str(saved("eomt"))],
         env=os.environ | {"PYTHONPATH": str(tmp_path)},
         capture_output=True,
         text=True,
