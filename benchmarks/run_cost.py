@@ -1,14 +1,18 @@
 """What a photo costs: processor time, memory and files of ``physic run PHOTO --no-cache``, the median of some runs.
 
-    python -m benchmarks.run_cost [--rounds 3]
+    python -m benchmarks.run_cost [--rounds 3] [--against COMMIT]
 
 It writes ``benchmarks/run_cost.json`` with the commit and the machine, and the line of the README that states them. Run
 it on an idle machine, with everything committed.
+
+With ``--against`` it writes nothing. It runs another commit in turn with this tree, in the same environment, and prints
+the medians of both, their ratios, and the largest difference of the bodies.
 """
 
 from __future__ import annotations
 
 import argparse
+import compileall
 import json
 import os
 import platform
@@ -16,11 +20,15 @@ import statistics
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tools"))
 
 import docs_numbers
+import numpy as np
 from docs_numbers import ROOT
 
 from benchmarks.processes import run_measured
@@ -31,13 +39,68 @@ CODE = ("physic_core", "plugins")
 """What the figures are of: the last commit that changed it is named."""
 
 
-def run(photo: str) -> dict[str, float]:
-    """Return processor seconds, peak memory in GB and megabytes of files of one run."""
+@dataclass(frozen=True)
+class Run:
+    """What one run costs, and what it finds.
+
+    Attributes:
+        cost: seconds of processors, peak memory in GB, megabytes of files.
+        vertices: (N, V, 3) of the bodies, metres.
+    """
+
+    cost: dict[str, float]
+    vertices: np.ndarray
+
+
+def run(photo: str, tree: Path = ROOT) -> Run:
+    """Run the code of a tree on a photo of this one."""
+    paths = [tree, *sorted(path.parent for path in tree.glob("plugins/*/pyproject.toml"))]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, paths))}
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "physic_core", "run", photo, "--no-cache", "-o", f"{folder}/out"]
-        cost = run_measured(command, cwd=ROOT)
+        command = [sys.executable, "-m", "physic_core", "run", str(ROOT / photo), "--no-cache", "-o", f"{folder}/out"]
+        cost = run_measured(command, cwd=tree, env=environment)
         files = sum(file.stat().st_size for file in Path(folder).rglob("*") if file.is_file())
-    return {"cpu_s": cost.cpu_s, "memory_gb": cost.memory_gb, "written_mb": files / 1e6}
+        with np.load(Path(folder, "out", "reconstruction.npz"), allow_pickle=False) as arrays:
+            vertices = np.stack([arrays[name] for name in sorted(arrays.files) if name.endswith(".vertices")])
+    return Run({"cpu_s": cost.cpu_s, "memory_gb": cost.memory_gb, "written_mb": files / 1e6}, vertices)
+
+
+def medians(runs: list[Run]) -> dict[str, float]:
+    return {key: statistics.median(one.cost[key] for one in runs) for key in runs[0].cost}
+
+
+@contextmanager
+def checkout(commit: str) -> Iterator[Path]:
+    """Yield a folder with the files of a commit, its modules compiled."""
+    with tempfile.TemporaryDirectory() as folder:
+        tree = Path(folder, "tree")
+        git("worktree", "add", "--detach", str(tree), commit)
+        try:
+            compileall.compile_dir(tree, quiet=2)
+            yield tree
+        finally:
+            git("worktree", "remove", "--force", str(tree))
+
+
+def compare(commit: str, rounds: int) -> None:
+    """Run another commit and this tree in turn, and print a row for each figure of each photo."""
+    with checkout(commit) as tree:
+        for photo in PHOTOS:
+            before: list[Run] = []
+            after: list[Run] = []
+            for _ in range(rounds):
+                before.append(run(photo, tree))
+                after.append(run(photo))
+            old, new = medians(before), medians(after)
+            for key, value in new.items():
+                print(f"{photo}  {key}: {old[key]:.2f} -> {value:.2f}, ratio {value / old[key]:.3f}", flush=True)
+            print(f"{photo}  bodies: {_difference(before[-1].vertices, after[-1].vertices)}", flush=True)
+
+
+def _difference(before: np.ndarray, after: np.ndarray) -> str:
+    if before.shape != after.shape:
+        return f"not the same people: {before.shape} and {after.shape}"
+    return f"largest difference {np.abs(before - after).max() * 1000:.3f} mm"
 
 
 def git(*arguments: str) -> str:
@@ -48,13 +111,17 @@ def main() -> None:
     """Measure, write, and print what was written."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--against", metavar="COMMIT", help="run this commit in turn, and write nothing")
     given = parser.parse_args()
+    if given.against is not None:
+        compare(given.against, given.rounds)
+        return
     if git("status", "--porcelain", "--untracked-files=no", "--", *CODE):
         raise SystemExit("the code differs from its commit, which the figures name: commit first")
     measured = {}
     for photo in PHOTOS:
-        rounds = [run(photo) for _ in range(given.rounds)]
-        measured[photo] = {key: round(statistics.median(one[key] for one in rounds), 1) for key in rounds[0]}
+        found = medians([run(photo) for _ in range(given.rounds)])
+        measured[photo] = {key: round(value, 1) for key, value in found.items()}
     cost = {
         "commit": docs_numbers.commit_of_code(),
         "date": git("log", "-1", "--format=%cs", "--", *CODE),
