@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 _NAMED = 8  # names of a message
 _ORTHONORMAL = 0.01  # largest deviation of R R^T from the identity; files have four digits or more
+_FARTHEST_APART = 100.0  # metres
 _LARGEST = 1e9  # number of an entry, in px or in the file's unit
 _LARGEST_UNIT = 1000.0  # metres
 _OFF_CENTRE = 0.1  # of width or height; a principal point farther off is that of another picture
@@ -132,7 +134,7 @@ def read_calibration(
 
     Raises:
         InputError: the file cannot be read, a camera is invalid or of no photo, a photo has another
-            size than its camera, or the unit is invalid or missing.
+            size than its camera, the unit is invalid or missing, or cameras are over 100 m apart without one.
     """
     if unit_m is not None and not 0 < unit_m <= _LARGEST_UNIT:
         raise InputError(f"the unit of {path} is {unit_m:g} m, but should be above 0 and at most {_LARGEST_UNIT:g} m")
@@ -170,7 +172,20 @@ def read_calibration(
                 "was calibrated, or the calibration of its size"
             )
         found.append(replace(fitting[0].camera(unit_m or 1.0, size), name=name, by_order=by_order))
+    if unit_m is None:
+        _require_metres(path, found)
     return found
+
+
+def _require_metres(path: Path, cameras: Sequence[KnownCamera | None]) -> None:
+    """Refuse cameras that are too far apart to see the same people, before any photo is reconstructed."""
+    places = [camera.pose[:3, 3] for camera in cameras if camera is not None and camera.pose is not None]
+    apart = max((float(np.linalg.norm(a - b)) for a, b in combinations(places, 2)), default=0.0)
+    if apart > _FARTHEST_APART:
+        raise InputError(
+            f"two cameras of {path} are {apart:.0f} m apart: give the length of its unit with --camera-unit "
+            "(unit_m in Python), such as 0.001 for millimetres"
+        )
 
 
 def _turns(table: _Table, turns: int) -> list[_Table]:

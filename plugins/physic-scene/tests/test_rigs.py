@@ -169,6 +169,11 @@ def test_a_binary_model_is_refused_with_the_command_that_converts_it(tmp_path):
             read_calibration(path, BY_FOLDER, SIZES, 1.0)
 
 
+def test_cameras_in_millimetres_need_their_unit_before_any_photo_is_reconstructed():
+    with pytest.raises(InputError, match="camera-unit"):
+        read_calibration(RIGS / "anipose.toml", BY_NAME, SIZES)
+
+
 @pytest.mark.parametrize("unit", ["nan", "0", "-1", "inf"])
 @pytest.mark.parametrize("cameras", [[], ["--cameras", "rig.toml"]])
 def test_a_length_of_the_unit_that_is_none_is_a_wrong_argument(unit, cameras):
