@@ -162,6 +162,12 @@ def _write_names(module: Any, before: dict[str, Any]) -> None:
         setattr(module, name, value)
 
 
+def _read_umask(module: Any) -> int:
+    value: int = module.umask(0o077)  # no function reads it without setting it
+    module.umask(value)
+    return value
+
+
 def _read_limits(module: Any) -> list[tuple[int, int]]:
     return [module.getrlimit(getattr(module, name)) for name in _LIMITS]
 
@@ -224,6 +230,14 @@ _INTERPRETER = (
         _write_signals,
         describe=_no_text,
     ),
+    Setting(
+        "the alarm",
+        "signal",
+        lambda m: m.getitimer(m.ITIMER_REAL)[0] > 0,
+        lambda m, value: value or m.setitimer(m.ITIMER_REAL, 0),
+        describe=_no_text,
+    ),
+    Setting("the mask of new files", "os", _read_umask, lambda m, value: m.umask(value), describe=_no_text),
     Setting("limits of the process", "resource", _read_limits, _write_limits, describe=_no_text),
     Setting(
         "the garbage collector",

@@ -14,6 +14,7 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -64,6 +65,13 @@ def lower_open_files() -> None:
     import resource
 
     resource.setrlimit(resource.RLIMIT_NOFILE, (512, resource.getrlimit(resource.RLIMIT_NOFILE)[1]))
+
+
+def umask_of_a_new_file() -> int:
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder, "new")
+        place.touch()
+        return place.stat().st_mode
 
 
 def open_files() -> Any:
@@ -192,6 +200,10 @@ DEEDS = {
         lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
         lambda: signal.getsignal(signal.SIGINT),
     ),
+    "alarm": Deed(
+        "the alarm", lambda: signal.setitimer(signal.ITIMER_REAL, 1000), lambda: signal.getitimer(signal.ITIMER_REAL)
+    ),
+    "umask": Deed("the mask of new files", lambda: os.umask(0o777), lambda: umask_of_a_new_file()),
     "open_files": Deed("limits of the process", lower_open_files, open_files),
     "garbage": Deed("the garbage collector (off)", gc.disable, gc.isenabled),
     "sockets": Deed("the timeout of sockets", lambda: socket.setdefaulttimeout(0.01), socket.getdefaulttimeout),

@@ -207,7 +207,7 @@ CONFINED = """
 import os, sys
 from pathlib import Path
 from physic_core.adapters.onnx_sessions import open_session
-cores = {max(os.sched_getaffinity(0))}
+cores = {min(os.sched_getaffinity(0))}
 os.sched_setaffinity(0, cores)
 before = set(os.listdir("/proc/self/task"))
 kept = open_session(Path(sys.argv[1]), 0, "cpu", broken="")
