@@ -1,8 +1,8 @@
 """Find the floor among a few planes, each with a score, so that evidence moves the answer instead of switching it.
 
 Candidates are planes through the floor masks of the segmenter, the pixels labelled as floor, the lower part of the
-image, its horizontal surfaces, and the soles of people. All are scored on the same pixels, and compared with no floor
-at all. The evidence of feet depends on the scale, and is added by
+image, its horizontal surfaces, and the soles of people. All are scored on the same pixels and by the ground beside
+soles, and compared with no floor at all. The sizes of people depend on the scale, and are added by
 :func:`physic_core.engine.sizes.scale_vote.vote_on_scale`. OpenCV camera frame, any unit.
 """
 
@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from statistics import median
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -42,6 +44,11 @@ _NO_LABEL = (0.500, 0.498, 0.002)
 _MASK, _GROUND, _NO_GROUND = (0.700, 0.270, 0.030), (0.850, 0.130, 0.020), (0.100, 0.898, 0.002)
 """Share of pixels on, in front of and behind the floor, by label: one does not see through a floor."""
 
+_SOLE_SIGMA = 0.05  # of the height of the ground beside soles over the floor, in heights of the camera
+_ELSEWHERE = 0.5  # density of that height if a person does not stand on the floor
+_FAR_OFF = 0.4  # height of that ground over a plane that is not moved to it
+_MOST_SOLES = 3.0  # independent observations that the soles of all people are worth
+
 _BANDS = 50.0  # tolerances in the range of inverse depth, over which pixels off the plane are spread
 _NO_FLOOR_NATS = 1.5  # for "no floor", which has no pixel to explain
 _UP_SIGMA_DEG = 6.0  # of a confident up direction
@@ -52,6 +59,20 @@ _ROLL_SIGMA_DEG, _PITCH_SIGMA_DEG = 8.0, 30.0  # of cameras in hands
 _LEVEL_COSINE = math.cos(math.radians(25.0))  # least cosine between up and the normal of a horizontal pixel
 
 _FOCAL_PITCH_DEG = 23.0  # error of the pitch by the log error of the focal length: 6 degrees of a default one
+
+
+class GroundAtSoles(NamedTuple):
+    """Visible ground beside the soles of one person.
+
+    Attributes:
+        rows: (M,) int64, of its pixels.
+        columns: (M,) int64.
+        stands: probability that the person stands on the floor, before one is known.
+    """
+
+    rows: Tensor
+    columns: Tensor
+    stands: float
 
 
 @dataclass(frozen=True)
@@ -65,6 +86,7 @@ class FloorEvidence:
         others: (H, W) bool each, other masks of what may be the floor.
         ground: (H, W) bool, pixels with the label of a floor, or None.
         no_ground: (H, W) bool, pixels with the label of something else, or None.
+        soles: of people whose soles are seen.
         found: the answer for the same photo, if it was found before; None searches.
         focal_sigma: standard deviation of the logarithm of the focal length.
     """
@@ -75,6 +97,7 @@ class FloorEvidence:
     others: tuple[Tensor, ...] = ()
     ground: Tensor | None = None
     no_ground: Tensor | None = None
+    soles: tuple[GroundAtSoles, ...] = ()
     found: FloorSearch | None = None
     focal_sigma: float = 0.0
 
@@ -138,7 +161,10 @@ def floor_candidates(
     found, best = [], None
     for plane, fit, mask in _planes(view, evidence, normals, up):
         score = _pixel_score(view, plane, pixels) + _gravity_score(fit.normal, known)
-        found.append(FloorCandidate(move_to_feet(view, plane, fit, mask, evidence.feet_px), score))
+        heights = _heights_at_soles(view, plane, evidence.soles)
+        score += _sole_score(heights)
+        moved = move_to_feet(view, plane, fit, mask, evidence.feet_px)
+        found.append(FloorCandidate(_through_soles(fit, heights) or moved, score))
         best = found[-1] if best is None or score > best.log_score else best
     feet = evidence.feet_px
     if feet is not None and len(feet):
@@ -146,6 +172,7 @@ def floor_candidates(
         at_feet = None if level is None else plane_at_feet(view, level, feet)
         if at_feet is not None:
             score = _pixel_score(view, at_feet[0], pixels) + _gravity_score(at_feet[1].normal, known)
+            score += _sole_score(_heights_at_soles(view, at_feet[0], evidence.soles))
             found.append(FloorCandidate(at_feet[1], score))
     return (*found, FloorCandidate(None, _NO_FLOOR_NATS))
 
@@ -211,6 +238,44 @@ def _pixel_score(view: InverseDepthMap, plane: Tensor, pixels: _Pixels) -> float
     likelihood = on * torch.exp(-0.5 * error.square()) / math.sqrt(2 * math.pi)
     likelihood = likelihood + 2 / _BANDS * (front * torch.sigmoid(2 * error) + behind * torch.sigmoid(-2 * error))
     return _PIXEL_NATS * float((pixels.weight * (likelihood * _BANDS).log()).sum())
+
+
+def _heights_at_soles(
+    view: InverseDepthMap, plane: Tensor, soles: tuple[GroundAtSoles, ...]
+) -> list[tuple[float, float]]:
+    """Return the height over a plane (3,) of the ground beside the soles of each person, and whether they stand.
+
+    The unit is the height of the camera, so that the scale does not matter. The second number is the probability.
+    """
+    found = []
+    for rows, columns, stands in soles:
+        inverse = view.inverse[rows, columns].double()
+        known = inverse > 0
+        if bool(known.any()):
+            on_plane = view.rays[rows, columns].double() @ plane
+            found.append((float((1 - on_plane[known] / inverse[known]).median()), stands))
+    return found
+
+
+def _sole_score(heights: list[tuple[float, float]]) -> float:
+    """Return the log likelihood of the ground beside soles by a plane, less that without a plane, nats.
+
+    If a person stands on the plane, that ground lies on it.
+    """
+    score = 0.0
+    for height, stands in heights:
+        density = math.exp(-0.5 * (height / _SOLE_SIGMA) ** 2) / (_SOLE_SIGMA * math.sqrt(2 * math.pi))
+        score += math.log(1 - stands + stands * density / _ELSEWHERE)
+    return score * min(1.0, _MOST_SOLES / max(len(heights), 1))
+
+
+def _through_soles(fit: PlaneFit, heights: list[tuple[float, float]]) -> PlaneFit | None:
+    """Return the plane moved to the median ground beside the soles of people who stand; None if it is far off."""
+    stand = sorted(height for height, stands in heights if stands > 0.5)
+    if not stand or abs(height := median(stand)) > _FAR_OFF:
+        return None
+    factor = 1 / (1 - height)
+    return replace(fit, offset=fit.offset / factor, reanchored=factor)
 
 
 def standing_score(normal: Tensor, joints: Tensor) -> float:

@@ -15,7 +15,7 @@ from physic_core.engine.contact.scene_parts import ClassifiedPoints, SceneParts,
 from physic_core.engine.contact.skin import SkinDistances
 from physic_core.types import NO_PARTNER, BodyContact, ContactPartner
 
-NAMES = ("unknown", "floor", "seat", "table", "wall")
+NAMES = ("unknown", "floor", "seat", "table", "wall", "water")
 UP, BACK = torch.tensor([0.0, -1.0, 0.0]), torch.tensor([0.0, 0.0, -1.0])
 
 
@@ -55,6 +55,14 @@ def test_hidden_points_get_the_nearest_visible_class_and_raised_ones_are_not_flo
 def test_a_surface_that_faces_up_is_no_wall_whatever_its_label(normal: torch.Tensor, name: str):
     _, parts = parts_of((square(0.45), "wall", True), normal=normal)
     assert set(parts.label.tolist()) == {NAMES.index(name) or -1}
+
+
+@pytest.mark.parametrize(("height", "on_floor"), [(0.08, True), (0.3, False)])
+def test_nobody_stands_on_water(height: float, on_floor: bool):
+    """Wet sand is labelled so: beside the floor it is floor, and elsewhere it has no name."""
+    _, parts = parts_of((square(height), "water", True))
+    assert bool(parts.ground.all()) is on_floor
+    assert set(parts.label.tolist()) == {-1}
 
 
 def test_points_without_a_class_are_surfaces_by_their_connection():

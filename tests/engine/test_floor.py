@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 import torch
 from torch import Tensor
 
 from physic_core.engine import floor as engine_floor
-from physic_core.engine.floor import FloorEvidence
+from physic_core.engine.floor import FloorEvidence, GroundAtSoles
 from physic_core.geometry import floor
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
 from physic_core.geometry.floor import FloorSearch
@@ -23,7 +24,7 @@ PERSON = NONE.clone()
 PERSON[60:165, 100:130] = True
 
 
-def fit_floor(points: Tensor, valid: Tensor, normals: Tensor | None = None, **evidence: Tensor | None) -> FloorSearch:
+def fit_floor(points: Tensor, valid: Tensor, normals: Tensor | None = None, **evidence: Any) -> FloorSearch:
     return engine_floor.find_floor(points, valid, FloorEvidence(**evidence), normals)
 
 
@@ -259,3 +260,45 @@ def test_a_camera_that_looks_down_steeply_sees_the_floor(pitch: float, roll: flo
     found = fit_floor(points, ALL, pointmap_normals(points, ALL), mask=on_floor if masked else None)
     assert angle_deg(found.plane.normal, up(pitch, roll)) < 2
     assert found.plane.offset == pytest.approx(3.0, rel=0.03)
+
+
+def two_levels() -> tuple[Tensor, Tensor]:
+    """Points (H, W, 3) of sand on the right third of the picture and of a larger level 40 cm below, and the sand."""
+    normal = up(12)
+    sand = NONE.clone()
+    sand[:, 160:] = True
+    depth = torch.where(sand, meet(normal, 1.5), meet(normal, 1.9)).clamp(max=20)
+    return RAYS * depth[..., None], sand
+
+
+def beside(column: int, stands: float = 0.85) -> GroundAtSoles:
+    rows, columns = torch.meshgrid(torch.arange(130, 150), torch.arange(column, column + 20), indexing="ij")
+    return GroundAtSoles(rows.flatten(), columns.flatten(), stands)
+
+
+def test_the_floor_is_the_surface_that_seen_soles_share_whatever_its_label() -> None:
+    points, sand = two_levels()
+    labels = {"no_ground": sand}
+    feet = torch.tensor([[175.0, 140.0], [205.0, 140.0]])
+    assert fit_floor(points, ALL, **labels).plane.offset == pytest.approx(1.9, abs=0.05)
+    found = fit_floor(points, ALL, **labels, feet_px=feet, soles=(beside(165), beside(195)))
+    assert found.plane.offset == pytest.approx(1.5, abs=0.05)
+
+
+def test_ground_beside_people_who_do_not_stand_moves_no_floor() -> None:
+    points, sand = two_levels()
+    labels = {"no_ground": sand}
+    found = fit_floor(points, ALL, **labels, soles=(beside(165, stands=0.05), beside(195, stands=0.05)))
+    assert found.plane.offset == pytest.approx(1.9, abs=0.05)
+
+
+def test_the_floor_is_moved_to_the_ground_beside_soles() -> None:
+    """The ground rises under the people: they stand on what is seen there."""
+    normal = up(12)
+    depth = meet(normal, 1.8).clamp(max=20)
+    depth[125:155, 80:110] = meet(normal, 1.5)[125:155, 80:110]
+    plain = fit_floor(RAYS * depth[..., None], ALL).plane
+    moved = fit_floor(RAYS * depth[..., None], ALL, soles=(beside(85),)).plane
+    assert plain.offset == pytest.approx(1.8, abs=0.02)
+    assert moved.offset == pytest.approx(1.5, abs=0.02)
+    assert torch.equal(plain.normal, moved.normal)

@@ -26,6 +26,7 @@ from physic_core.pipeline.floor_and_scale import (
 )
 from physic_core.types import Bodies, CameraTrust, DepthMap, Intrinsics, Keypoints, People, Pointmap, SurfaceLabels
 from physic_core.types.known_sizes import KnownPeople
+from physic_core.types.skeletons import SKELETONS
 
 HEIGHT, WIDTH = 180, 160
 CAMERA = Intrinsics.from_focal(150.0, WIDTH, HEIGHT)
@@ -273,6 +274,46 @@ def labelled(world: World, floor: np.ndarray | None, *others: np.ndarray) -> Peo
     ground[120:] = 1
     surfaces = SurfaceLabels(ground, ("unknown", "floor"))
     return replace(world.given.people, floor=floor, surfaces=surfaces, floor_candidates=others)
+
+
+def soles_of(world: World) -> Keypoints:
+    """Heels and big toes of people with their soles in sight."""
+    parameters, model = world.given.bodies.parameters, load_body("embedded")
+    rotations, betas, _ = model.zero_pose(len(world.given.people))
+    rotations[:, 0] = torch.diag(torch.tensor([1.0, -1.0, -1.0]))
+    vertices = model(rotations, betas, torch.from_numpy(parameters.transl)).vertices.double()
+    names = SKELETONS["halpe26"].names
+    points = np.zeros((len(vertices), len(names), 2), np.float32)
+    confidence = np.zeros(points.shape[:2], np.float32)
+    for side in ("left", "right"):
+        sole = vertices[:, model.contact_sets[f"{side}_sole"]].mean(1).numpy()
+        pixel = sole @ CAMERA.matrix.T
+        for end in ("heel", "big_toe"):
+            points[:, names.index(f"{side}_{end}")] = pixel[:, :2] / pixel[:, 2:]
+            confidence[:, names.index(f"{side}_{end}")] = 1
+    return Keypoints(points, confidence, "halpe26")
+
+
+@pytest.mark.parametrize("name", ["water", "sky", "wall"])
+def test_no_label_hides_the_ground_under_soles_that_agree(world, name):
+    keypoints, hole = soles_of(world), world.given.people.masks.any(0)
+    lower = np.ones((HEIGHT, WIDTH), bool)
+    lower[:, 35:125] = False
+    with np.errstate(divide="ignore"):
+        below = np.where(rays()[..., 1] > 0, (CAMERA_HEIGHT + 0.5) / rays()[..., 1], np.inf)
+    scene = as_pointmap(np.where(lower, np.minimum(below, 8.0), world.depth))
+    answers = []
+    for label in ("floor", name):
+        labels = SurfaceLabels(np.where((rays()[..., 1] > 0.1) & ~lower, 1, 0).astype(np.uint8), ("unknown", label))
+        people = replace(world.given.people, surfaces=labels)
+        evidence = floor_evidence(people, hole, keypoints, CAMERA)
+        candidates = candidates_in(scene, evidence, SceneMethod())
+        likeliest = max(candidates, key=lambda c: c.log_score).plane
+        assert likeliest.offset == pytest.approx(CAMERA_HEIGHT / UNIT, rel=0.05)
+        answers.append(world.answer(candidates, scene=scene, people=people, keypoints=keypoints))
+    as_floor, other = answers
+    assert other.plane.offset == pytest.approx(as_floor.plane.offset, rel=0.01)
+    assert other.stance.stands == pytest.approx(as_floor.stance.stands, abs=0.02)
 
 
 def test_masks_labels_and_other_masks_are_candidates(world):

@@ -18,6 +18,7 @@ UPRIGHT_CLASSES = ("wall", "ceiling", "window")
 """Classes of surfaces on which nothing rests."""
 
 _NO_SURFACE = ("unknown", "person", "sky")
+_CARRIES_NOBODY = (*UPRIGHT_CLASSES, "water")  # such a label is wrong where a point faces up under a sole
 _FACES_UP = 0.3  # least cosine between up and the normal of a point that is not a wall, for any label
 _NEIGHBOUR_M = 0.5  # within which a visible point gives its class to a hidden one
 _RAISED_M = 0.10  # over the floor, above which a hidden point is not the floor
@@ -64,9 +65,9 @@ def scene_parts(
 
     A hidden point has the class of the nearest visible one, within half a metre. A hidden point more than 10 cm above
     the floor is not floor. Points of any class within 4 cm of its plane are floor: labels around feet follow the
-    appearance of the feet. A point that faces up cannot be a wall: with such a label, its class is unknown. Points of
-    one class are one surface if they are connected by steps of less than two cells of 4 cm. Without a class, their
-    normals also agree within 37 degrees.
+    appearance of the feet. A point that faces up is no wall, and nobody stands on water: with such a label, it is floor
+    within 10 cm of the plane, and its class is unknown elsewhere. Points of one class are one surface if they are
+    connected by steps of less than two cells of 4 cm. Without a class, their normals also agree within 37 degrees.
 
     Args:
         points: (n, 3) metres.
@@ -79,11 +80,13 @@ def scene_parts(
     names = classes.names
     raised = torch.zeros(len(points), dtype=torch.bool) if height is None else height.cpu() > _RAISED_M
     label = _labels(points, row, classes, raised)
-    label[_among(label, names, UPRIGHT_CLASSES) & ((normals @ up.to(normals)).cpu() > _FACES_UP)] = -1
+    mistaken = _among(label, names, _CARRIES_NOBODY) & ((normals @ up.to(normals)).cpu() > _FACES_UP)
+    label[mistaken] = -1
     ground = row.cpu() < 0
     ground = ground | (_among(label, names, GROUND_CLASSES) & ~raised)
     if height is not None:
-        ground = ground | (height.cpu().abs() < _CELL_M)
+        off = height.cpu().abs()
+        ground = ground | (off < _CELL_M) | (mistaken & (off < _RAISED_M))
     surface = _connected(points.cpu().double().numpy(), normals.cpu().double().numpy(), label.numpy(), ground.numpy())
     at = points.device
     return SceneParts(names, label.to(at), torch.from_numpy(surface).to(at), ground.to(at))
