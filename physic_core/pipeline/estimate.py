@@ -101,6 +101,7 @@ class Estimates(ShortRepr):
         ages: (N,) known ones, years, NaN where unknown; None if no age is known.
         measured_scale: of the scene by a measured metric depth; ``depth`` then has the scale of the people.
         scale_guess: warning that the scale of ``depth`` is a guess, or "".
+        scale_by_people: whether the sizes of people give the scale of ``depth``.
         views: what other cameras show of the same people.
         given_keypoints: (N, J), which of ``keypoints`` the user gave; None if none.
         contradicted_px: (N, J), how far mask and detector contradict them, px; None if none.
@@ -128,6 +129,7 @@ class Estimates(ShortRepr):
     objects: BoolArray | None = None
     ages: FloatArray | None = None
     scale_guess: str = ""
+    scale_by_people: bool = False
     views: tuple[OtherView, ...] = ()
     given_keypoints: BoolArray | None = None
     contradicted_px: FloatArray | None = None
@@ -256,6 +258,7 @@ def run_backends(
         objects=objects,
         ages=known.years,
         scale_guess=found.warning if own is None and depth.scale_sigma is None else "",
+        scale_by_people=not found.warning and found.measured is None and (own is None or found.depth is not None),
         known=sizes,
         measured_scale=found.measured,
         statures=known.stature,

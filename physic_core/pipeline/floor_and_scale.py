@@ -8,6 +8,7 @@ everything of known size votes on the scale (:mod:`physic_core.engine.sizes.scal
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -28,7 +29,17 @@ if TYPE_CHECKING:
     from physic_core.engine.sizes.scale_vote import ScaleVote, Witnesses
     from physic_core.engine.stance import Stance
     from physic_core.geometry.floor import FloorSearch
-    from physic_core.types import Bodies, BoolArray, DepthMap, FloatArray, Intrinsics, Keypoints, People, Pointmap
+    from physic_core.types import (
+        Bodies,
+        BodyContact,
+        BoolArray,
+        DepthMap,
+        FloatArray,
+        Intrinsics,
+        Keypoints,
+        People,
+        Pointmap,
+    )
 
 RAISED_SURFACES = ("seat", "bed", "table", "cabinet", "vehicle")
 """Surfaces that can carry a foot above the ground."""
@@ -358,18 +369,32 @@ def _guessed(scene: Pointmap, plane: Plane | None) -> tuple[SceneScale, str]:
 
 
 def _notes(vote: ScaleVote, soles: Witnesses, torsos: Witnesses, stands: BoolArray) -> tuple[str, ...]:
-    """Describe the votes on the scale, and the people that contradict it; ``feet`` (N, 2) bool stand."""
+    """Return a note about the people who contradict a vote on the scale; ``stands`` (N, 2) bool are feet."""
     on_floor = np.isfinite(soles.scale) & stands.any(1)
     kind, voters = (soles, on_floor) if on_floor.any() else (torsos, np.isfinite(torsos.scale))
-    by_torsos = f"body size of {_count_people(voters)}: soles on a visible floor would give it more exactly"
-    notes = [
-        f"the scale is from the {f'soles of {_count_people(voters)} on the floor' if on_floor.any() else by_torsos}"
-    ]
     others = np.isfinite(kind.scale) & (~voters | (np.abs(vote.residuals(kind)) > _DISAGREES))
-    return (*notes, f"{_count_people(others)} would give the scene another scale") if others.any() else tuple(notes)
+    count = int(others.sum())
+    return (f"{_people(count)} would give the scene another scale",) if count else ()
 
 
-def _count_people(chosen: BoolArray) -> str:
+def scale_note(contacts: Sequence[Sequence[BodyContact]], bodies: int, floor: Plane | None) -> str:
+    """Return a note about the people who give the scale.
+
+    Args:
+        contacts: final ones of each person.
+        bodies: number of people with a body.
+        floor: of the result.
+    """
+    stand = sum(any(map(_is_sole_on_floor, person)) for person in contacts)
+    if floor is not None and stand:
+        return f"the scale is from the soles of {_people(stand)} on the floor"
+    return f"the scale is from the body size of {_people(bodies)}: soles on a visible floor would give it more exactly"
+
+
+def _is_sole_on_floor(contact: BodyContact) -> bool:
+    return contact.likely and not contact.assumed and (contact.partner.kind, contact.part[-4:]) == ("floor", "foot")
+
+
+def _people(count: int) -> str:
     """Format the number of people."""
-    count = int(chosen.sum())
     return "1 person" if count == 1 else f"{count} people"

@@ -167,8 +167,8 @@ def contradictions(
     if known.camera_height is not None:
         if scene.floor is None:
             warnings.append(
-                f"the camera height {known.camera_height:g} m was not used: no floor was found; give a stature or a "
-                "known length instead"
+                f"the camera height {known.camera_height:g} m was not used: no plane was found for the floor; give a "
+                "stature or a known length instead"
             )
         else:
             height = scene.floor.offset * result.scene_scale

@@ -12,6 +12,7 @@ import torch
 from physic_core.body.posture import photo_turned_deg
 from physic_core.interfaces import Repository
 from physic_core.pipeline.checks import failed_checks, grade_person, grade_photo, unknown_checks, warning_messages
+from physic_core.pipeline.floor_and_scale import scale_note
 from physic_core.types import Person, Reconstruction
 from physic_core.types.results import main_people
 from physic_core.weights.lock import FileUse, lock_file_path, read_lock
@@ -65,6 +66,9 @@ def build_reconstruction(
             )
         )
     stages.warn(*warning_messages(checks))
+    if estimates.scale_by_people and not estimates.known:
+        bodies = sum(support is not None for support in solution.supports)
+        stages.note(scale_note(solution.contacts, bodies, solution.scene.floor))
     if degrees := photo_turned_deg(solution.joints, solution.scene.floor):
         stages.note(f"the people do not stand upright in the picture: is it turned by {degrees} degrees?")
     return Reconstruction(

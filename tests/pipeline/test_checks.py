@@ -141,7 +141,7 @@ def test_nothing_fails_where_all_is_well() -> None:
         ({"scene_share": 0.0}, "scene_alignment", 0.0, "agree nowhere"),
         ({"photo_share": 0.3}, "photo_alignment", 0.3, "people's distance to the scene is doubtful"),
         ({"photo_share": 0.0}, "photo_alignment", 0.0, "no background in common"),
-        ({"floor": "no_consensus"}, "floor", 0.0, "no floor was found"),
+        ({"floor": "no_consensus"}, "floor", 0.0, "no plane was found for the floor"),
         ({"mask": False}, "floor", 0.0, "the floor mask was not followed"),
         ({"sigma": 0.22}, "scale_sigma", 0.22, "off by 22%"),
         ({"camera": Intrinsics(500, 500, 319.5 + 0.2 * 640, 239.5, 640, 480)}, "principal_point", 0.2, ""),
@@ -257,8 +257,12 @@ def test_a_value_at_its_bound_holds_and_beyond_it_does_not() -> None:
 @pytest.mark.parametrize(
     ("changes", "names", "reason"),
     [
-        ({"floor": "no_pixels"}, ("placed", "lean", "bend", "trunk_tilt"), "no floor was found"),
-        ({"floor": "no_pixels", "report": {"sole_height_m": -2.3}}, ("sole_height",), "no floor was found"),
+        ({"floor": "no_pixels"}, ("placed", "lean", "bend", "trunk_tilt"), "no plane was found for the floor"),
+        (
+            {"floor": "no_pixels", "report": {"sole_height_m": -2.3}},
+            ("sole_height",),
+            "no plane was found for the floor",
+        ),
         (
             {"stands": (0.9, 0.3), "report": {"sole_height_m": 0.3}},
             ("sole_height",),

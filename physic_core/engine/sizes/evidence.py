@@ -291,7 +291,7 @@ def measured_scale(depth: DepthMap, witness: Witnesses, vote: ScaleVote) -> Meas
 def rescaled_depth(depth: DepthMap, witness: Witnesses, vote: ScaleVote, notes: Sequence[str]) -> DepthMap:
     """Return a metric depth at the scale of a vote in which it took part, with notes about the other witnesses."""
     factor = math.exp(-float(vote.residuals(witness)[0]))
-    own = f"the metric depth counts beside them, and was multiplied by {factor:.3g}"
+    own = f"the metric depth counts beside the sizes of people, and was multiplied by {factor:.3g}"
     if is_measured(depth):
         own = f"the measured depth gives the scale, {1 / factor:.3g} times that of the people, who follow it"
         notes = ()

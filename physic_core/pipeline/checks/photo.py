@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.solution import Solution
 
-NO_FLOOR = "no floor was found"
+NO_FLOOR = "no plane was found for the floor"
 _WHY_NO_FLOOR = {
     "no_pixels": "too few pixels to search",
     "no_consensus": "no horizontal plane explains enough pixels",
