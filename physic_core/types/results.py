@@ -204,14 +204,14 @@ class Reconstruction(ShortRepr):
         """Standard deviation of the logarithm of all distances in the scene, by the stated errors of scale and focal
         length; None if the scale has none."""
         sigma = self.scene.scale_sigma
-        return None if sigma is None else math.hypot(sigma, self._focal_sigma)
+        return None if sigma is None else math.hypot(sigma, 0.0 if self.scene.measured else self._focal_sigma)
 
     @property
     def distance_sigmas(self) -> tuple[float | None, ...]:
         """The same for each person's distance from the camera, by the larger error of scale and stature, or that of a
         measured depth; None where no error is stated."""
         if self.scene.measured:
-            return (self.scene.scale_sigma,) * len(self.people)
+            return tuple(self._sigma_by_measured_depth(person) for person in self.people)
         own = (person.stature_sigma for person in self.people)
         known = ([sigma for sigma in (one, self.scene.scale_sigma) if sigma is not None] for one in own)
         return tuple(math.hypot(max(sigmas), self._focal_sigma) if sigmas else None for sigmas in known)
@@ -227,8 +227,15 @@ class Reconstruction(ShortRepr):
 
     @property
     def _focal_sigma(self) -> float:
-        is_exact = self.intrinsics.known or self.scene.measured
-        return 0.0 if is_exact else self.intrinsics.focal_sigma or 0.0
+        return 0.0 if self.intrinsics.known else self.intrinsics.focal_sigma or 0.0
+
+    def _sigma_by_measured_depth(self, person: Person) -> float | None:
+        """Return the error of a distance by a measured depth; its part across z depends on the focal length."""
+        distance, sigma = pelvis_distance_m(person), self.scene.scale_sigma
+        if distance is None or sigma is None:
+            return sigma
+        across = 1 - (float(person.joints[0, 2]) / distance) ** 2
+        return math.hypot(sigma, self._focal_sigma * across)
 
     def __repr__(self) -> str:
         people, warnings, sigma = len(self.people), len(self.warnings), self.scene.scale_sigma
@@ -463,9 +470,11 @@ def metres_text(metres: float, log_sigma: float | None, digits: int = 2) -> str:
     Args:
         metres: the length.
         log_sigma: standard deviation of its logarithm, or None.
-        digits: after the point.
+        digits: after the point; one more where the deviation would be 0.
     """
-    spread = "" if log_sigma is None else f" ± {log_sigma * abs(metres):.{digits}f}"
+    sigma = None if log_sigma is None else log_sigma * abs(metres)
+    digits += bool(sigma and sigma < 0.5 * 10**-digits)
+    spread = "" if sigma is None else f" ± {sigma:.{digits}f}"
     return f"{round(metres, digits) + 0.0:.{digits}f}{spread} m"  # no "-0.00"
 
 
