@@ -30,10 +30,10 @@ with suppress(ImportError):  # Windows
     import resource  # noqa: F401
 
 IMPORTED = frozenset(
-    {"CUDA_MODULE_LOADING", "LD_LIBRARY_PATH", "RAY_CLIENT_MODE", "TORCHINDUCTOR_CACHE_DIR", "KMP_DUPLICATE_LIB_OK"}
-    | {"KMP_INIT_AT_FORK"}
+    {"CUDA_MODULE_LOADING", "LD_LIBRARY_PATH", "RAY_CLIENT_MODE", "TORCHINDUCTOR_CACHE_DIR"}  # torch, OpenCV, Ray
+    | {"KMP_DUPLICATE_LIB_OK", "KMP_INIT_AT_FORK"}  # scikit-learn
 )
-"""Environment variables that torch, OpenCV, Ray and scikit-learn set for themselves when they are imported or begin."""
+"""Environment variables that libraries set for themselves when they are imported or begin."""
 
 LIMITING = "import torch"
 """Name of the thread that imports torch, and then limits its threads."""
@@ -198,6 +198,7 @@ _INTERPRETER = (
     Setting("the current folder", "os", lambda os_: os_.getcwd(), lambda os_, value: os_.chdir(value)),
     Setting("the environment", "os", _read_environment, _write_environment, describe=_changed_names),
     Setting("warning filters", "warnings", lambda m: list(m.filters), _write_filters, same=_same_filters),
+    _attribute("the display of warnings", "warnings", "showwarning"),
     Setting(
         "the level of logs",
         "logging",
@@ -263,8 +264,16 @@ _INTERPRETER = (
 
 
 def _read_numpy_generator(module: Any) -> tuple[Any, ...]:
-    state = module.get_state(legacy=False)
-    return state["state"]["key"].tobytes(), state["state"]["pos"], state["has_gauss"], state["gauss"], state
+    """Return what shows a change, and the generator and its state."""
+    generator, state = module.get_bit_generator(), module.get_state(legacy=False)
+    values = [value.tobytes() if hasattr(value, "tobytes") else value for value in state["state"].values()]
+    return (id(generator), values, state["has_gauss"], state["gauss"]), generator, state
+
+
+def _write_numpy_generator(module: Any, value: tuple[Any, ...]) -> None:
+    _, generator, state = value
+    module.set_bit_generator(generator)
+    module.set_state(state)
 
 
 def _default_opencv_threads(cv2: Any) -> int:
@@ -293,10 +302,11 @@ _NUMERIC = (
         "numpy's random generator",
         "numpy.random",
         _read_numpy_generator,
-        lambda m, value: m.set_state(value[-1]),
-        same=lambda earlier, later: bool(earlier[:-1] == later[:-1]),
+        _write_numpy_generator,
+        same=lambda earlier, later: bool(earlier[0] == later[0]),
         describe=_no_text,
     ),
+    _attribute("numpy.load", "numpy", "load"),
     Setting("SciPy's treatment of errors", "scipy.special", lambda m: m.geterr(), lambda m, value: m.seterr(**value)),
     Setting(
         "OpenCV's threads",
@@ -318,18 +328,39 @@ _NUMERIC = (
 
 # ---- torch -----------------------------------------------------------------------------------------------------------
 
-_PRECISIONS = (
-    *("backends", "backends.mkldnn", "backends.mkldnn.matmul", "backends.mkldnn.conv", "backends.mkldnn.rnn"),
-    *("backends.cudnn", "backends.cudnn.conv", "backends.cudnn.rnn", "backends.cuda.matmul"),
+_PRECISIONS = tuple(
+    f"{name}.fp32_precision"
+    for name in (
+        *("backends", "backends.mkldnn", "backends.mkldnn.matmul", "backends.mkldnn.conv", "backends.mkldnn.rnn"),
+        *("backends.cudnn", "backends.cudnn.conv", "backends.cudnn.rnn", "backends.cuda.matmul"),
+    )
+)
+_PRODUCTS = (
+    *("backends.cuda.matmul.allow_fp16_reduced_precision_reduction", "backends.opt_einsum.enabled"),
+    "backends.cuda.matmul.allow_bf16_reduced_precision_reduction",
 )
 _SDP = ("flash", "mem_efficient", "math", "cudnn")
 _GUARDS = list[Any]()  # a guard of torch ends when it is collected
+
+
+def _write_attributes(torch: Any, names: tuple[str, ...], values: tuple[Any, ...]) -> None:
+    for name, value in zip(names, values, strict=True):
+        owner, _, attribute = name.rpartition(".")
+        setattr(operator.attrgetter(owner)(torch), attribute, value)
 
 
 def _write_inference_mode(torch: Any, value: bool) -> None:
     guard = torch.inference_mode(value)
     guard.__enter__()
     _GUARDS.append(guard)
+
+
+def _write_default_device(torch: Any, value: str) -> None:
+    torch.set_default_device(None if value == "cpu" else value)  # "cpu" would slow later calls
+    if str(torch.get_default_device()) != value:  # a context was entered and not left
+        guard = torch.device(value)
+        guard.__enter__()
+        _GUARDS.append(guard)
 
 
 def _write_autocast(torch: Any, value: tuple[Any, ...]) -> None:
@@ -352,15 +383,6 @@ def _read_gpu_generators(torch: Any) -> list[bytes]:
     if not torch.cuda.is_initialized():
         raise RuntimeError("no GPU is in use")
     return [state.numpy().tobytes() for state in torch.cuda.get_rng_state_all()]
-
-
-def _write_precisions(torch: Any, values: tuple[str, ...]) -> None:
-    for name, value in zip(_PRECISIONS, values, strict=True):
-        operator.attrgetter(name)(torch).fp32_precision = value
-
-
-def _tensor(torch: Any, state: bytes) -> Any:
-    return torch.frombuffer(bytearray(state), dtype=torch.uint8)
 
 
 _AUTOCAST = ("cpu", "cuda")
@@ -390,7 +412,7 @@ _TORCH = (
         "torch's default device",
         "torch",
         lambda m: str(m.get_default_device()),
-        lambda m, value: m.set_default_device(None if value == "cpu" else value),  # "cpu" would slow later calls
+        _write_default_device,
         fresh=_always("cpu"),
     ),
     Setting(
@@ -411,8 +433,15 @@ _TORCH = (
     Setting(
         "torch's float32 precision",
         "torch",
-        operator.attrgetter(*(f"{name}.fp32_precision" for name in _PRECISIONS)),
-        _write_precisions,
+        operator.attrgetter(*_PRECISIONS),
+        lambda m, values: _write_attributes(m, _PRECISIONS, values),
+        describe=_no_text,
+    ),
+    Setting(
+        "torch's switches of products",
+        "torch",
+        operator.attrgetter(*_PRODUCTS),
+        lambda m, values: _write_attributes(m, _PRODUCTS, values),
         describe=_no_text,
     ),
     Setting(
@@ -444,6 +473,7 @@ _TORCH = (
         fresh=_always([True] * len(_SDP)),
         describe=_no_text,
     ),
+    _attribute("torch.load", "torch", "load"),
     Setting("torch's threads", "torch", _read_threads, lambda m, value: m.set_num_threads(value)),
     # Restored with the generator.
     Setting("torch's seed", "torch", lambda m: m.initial_seed(), lambda m, value: None, describe=_no_text),
@@ -451,7 +481,7 @@ _TORCH = (
         "torch's random generator",
         "torch",
         lambda m: m.get_rng_state().numpy().tobytes(),
-        lambda m, value: m.set_rng_state(_tensor(m, value)),
+        lambda m, value: m.set_rng_state(m.frombuffer(bytearray(value), dtype=m.uint8)),
         quiet_in_load=True,
         describe=_no_text,
     ),
@@ -459,7 +489,7 @@ _TORCH = (
         "torch's random generators of GPUs",
         "torch",
         _read_gpu_generators,
-        lambda m, value: m.cuda.set_rng_state_all([_tensor(m, state) for state in value]),
+        lambda m, value: m.cuda.set_rng_state_all([m.frombuffer(bytearray(one), dtype=m.uint8) for one in value]),
         quiet_in_load=True,
         describe=_no_text,
     ),

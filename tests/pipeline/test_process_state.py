@@ -55,10 +55,10 @@ def round_up() -> None:
     ctypes.CDLL(None).fesetround(0x800 if os.uname().machine == "x86_64" else 0x400000)
 
 
-def enter_inference_mode() -> None:
-    guard = torch.inference_mode()
-    guard.__enter__()
-    HELD.append(guard)
+def enter(context: Any) -> None:
+    """Enter a context that is never left; torch ends some of them when they are collected."""
+    context.__enter__()
+    HELD.append(context)
 
 
 def lower_open_files() -> None:
@@ -98,8 +98,24 @@ DEEDS = {
     "default_device": Deed(
         "torch's default device (cpu -> meta)", lambda: torch.set_default_device("meta"), lambda: torch.zeros(1).device
     ),
+    "device_context": Deed(
+        "torch's default device (cpu -> meta)", lambda: enter(torch.device("meta")), lambda: torch.zeros(1).device
+    ),
+    "products": Deed(
+        "torch's switches of products",
+        lambda: setattr(torch.backends.opt_einsum, "enabled", not torch.backends.opt_einsum.enabled),
+        lambda: torch.backends.opt_einsum.enabled,
+    ),
+    "new_precision": Deed(
+        "torch's float32 precision",
+        lambda: setattr(torch.backends.mkldnn.matmul, "fp32_precision", "bf16"),
+        lambda: (torch.backends.mkldnn.matmul.fp32_precision, product()),
+    ),
+    "torch_load": Deed("torch.load", lambda: setattr(torch, "load", None), lambda: torch.load),
     "gradients": Deed("torch's gradient mode", lambda: torch.set_grad_enabled(False), torch.is_grad_enabled),
-    "inference_mode": Deed("torch's inference mode", enter_inference_mode, torch.is_inference_mode_enabled),
+    "inference_mode": Deed(
+        "torch's inference mode", lambda: enter(torch.inference_mode()), torch.is_inference_mode_enabled
+    ),
     "threads": Deed("torch's threads", lambda: torch.set_num_threads(7), torch.get_num_threads),
     "autocast": Deed(
         "torch's autocast",
@@ -149,6 +165,12 @@ DEEDS = {
     "numpy_prints": Deed(
         "numpy's print options", lambda: np.set_printoptions(precision=1), lambda: str(np.array([0.123]))
     ),
+    "numpy_load": Deed("numpy.load", lambda: setattr(np, "load", None), lambda: np.load),
+    "numpy_generator": Deed(
+        "numpy's random generator",
+        lambda: np.random.set_bit_generator(np.random.PCG64(1)),
+        lambda: (np.random.get_bit_generator(), np.random.get_state(legacy=False)["state"]["pos"]),
+    ),
     "numpy_seed": Deed(
         "numpy's random generator", lambda: np.random.seed(0), lambda: np.random.get_state(legacy=False)["state"]["pos"]
     ),
@@ -164,6 +186,9 @@ DEEDS = {
         "Pillow's treatment of truncated files",
         lambda: setattr(ImageFile, "LOAD_TRUNCATED_IMAGES", True),
         lambda: ImageFile.LOAD_TRUNCATED_IMAGES,
+    ),
+    "warnings_shown": Deed(
+        "the display of warnings", lambda: setattr(warnings, "showwarning", None), lambda: warnings.showwarning
     ),
     "warnings_raise": Deed(
         "warning filters", lambda: warnings.simplefilter("error", FutureWarning), lambda: list(warnings.filters)
@@ -317,7 +342,11 @@ def test_a_backend_that_is_loaded_alone_says_what_it_changed(
 
 @pytest.mark.usefixtures("few_steps")
 def test_a_run_beside_a_naughty_segmenter_has_the_same_numbers(world: World) -> None:
-    deeds = [deed for name, deed in DEEDS.items() if name not in ("inference_mode", "default_device", "stderr")]
+    deeds = [
+        deed
+        for name, deed in DEEDS.items()
+        if name not in ("inference_mode", "default_device", "device_context", "stderr")
+    ]
 
     class Segmenter(MockSegmenter):
         def infer(self, *arguments: Any) -> Any:
