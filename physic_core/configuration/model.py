@@ -207,6 +207,8 @@ class PhotoSettings(_Table):
             raise ValueError("has depth_unit without depth: give both")
         if self.distortion is not None and self.intrinsics is None:
             raise ValueError("has distortion without intrinsics: give both, from the same calibration")
+        if any(self.distortion or ()) and (self.depth or self.pointmap):
+            raise ValueError("has distortion and a map of the distorted photo: undistort both first, and leave it out")
         return self
 
 

@@ -277,9 +277,10 @@ def test_the_unit_of_a_depth_is_that_of_its_option(unit: str, metres: float) -> 
         ({"depth": "d.png", "depth_unit": "1/0"}, "1/5000"),
         ({"depth": "d.png", "depth_unit": "5000"}, "1/5000"),
         ({"depth_unit": "mm"}, "without depth"),
+        ({"depth": "d.png", "intrinsics": [9, 9, 5, 5], "distortion": [0.1, 0, 0, 0, 0]}, "undistort both"),
     ],
 )
-def test_a_wrong_unit_of_depth_is_refused(given: dict[str, str], message: str) -> None:
+def test_a_depth_of_a_wrong_unit_or_of_a_distorted_photo_is_refused(given: dict[str, str], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         load_config(preset="mock", flags={"flags": {"photo": given}})
 
