@@ -182,11 +182,7 @@ def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 @click.option("--texture-size", type=click.Choice(["512", "1024", "2048", "4096"]), help="Texels per side.")
 @click.option("--contact-texture", is_flag=True, help="Also write contact as a UV texture.")
 @click.option("--rigid", is_flag=True, help="People without joints (MJCF).")
-@click.option(
-    "--balance",
-    is_flag=True,
-    help="Rotate people on their feet until the centre of mass is over the soles (MJCF, URDF).",
-)
+@click.option("--keep-lean", is_flag=True, help="People lean as in the photo, and may fall (MJCF, URDF).")
 @click.option("--overwrite", is_flag=True, help="Replace files that exist.")
 @click.option(
     "--list", is_flag=True, is_eager=True, expose_value=False, callback=_print_formats, help="List the formats."

@@ -94,7 +94,7 @@ def physic_exporters() -> list[ExporterRecord]:
             ups=("z",),
             stem="mujoco",
             needs="a floor in the result",
-            options={"rigid": (False, True), "balance": (False, True)},
+            options={"rigid": (False, True), "keep_lean": (False, True)},
         ),
         ExporterRecord(
             "nerfstudio",
@@ -149,7 +149,7 @@ def physic_exporters() -> list[ExporterRecord]:
             bodies="required",
             per_person=True,
             needs="a floor in the result",
-            options={"balance": (False, True)},
+            options={"keep_lean": (False, True)},
         ),
         ExporterRecord(
             "usd",

@@ -1,4 +1,4 @@
-"""People of an export in their pose, and the option that turns them until their mass is over their soles."""
+"""People of a simulation: in their pose, those on their feet turned until their mass is over the soles."""
 
 from __future__ import annotations
 
@@ -10,13 +10,15 @@ import trimesh
 from scipy.optimize import linprog, minimize
 from scipy.spatial import ConvexHull
 
-from physic_core.body.joints import JOINT_INDEX
+from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES
 from physic_core.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy
 from physic_core.geometry.upright import transform_points
+from physic_core.types import SupportState
 from physic_core.types.skeletons import SIDES
 from physic_core.visual.rig import rigs
-from physic_export.humanoid import FLAT_M, body_segments
+from physic_export.humanoid import FLAT_M, NUM_BODIES, body_segments, vertex_segments
 from physic_export.skeleton import skinned
+from physic_export.tiles import FLOOR_M, Tile, convex_tiles, tiles_without
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,6 +35,9 @@ INSIDE_M = 0.04
 """Distance of the centre of mass from the edge of the soles after the turn, metres. Where the soles are too narrow, as
 on one foot, it goes as far inside as they allow."""
 
+MAX_TURN_DEG = 15.0
+"""Largest turn: the lean of a photo is off by less."""
+
 _STEPS = 20  # each turn moves the mass nearly to its aim: the feet, which stay, are 3 % of it
 _NEAR_M = 1e-4
 
@@ -45,6 +50,9 @@ class ExportedPerson:
         index: of the person in the result.
         rig: in the frame of the file, z up and the floor at z = 0.
         vertices: (V, 3) of the pose.
+        feet: sides of the feet that carry the person alone; none if another part carries, too.
+        on_floor: sides of the feet that touch the floor.
+        falls: why a simulation does not keep the person up; "" if it does, or if that is not known.
         turned_deg: angle about the ankles; None if the person was not to be turned.
         inside_m: distance of the centre of mass from the edge of the soles, negative outside; None like the angle.
     """
@@ -52,12 +60,17 @@ class ExportedPerson:
     index: int
     rig: Rig
     vertices: Array
+    feet: tuple[str, ...] = ()
+    on_floor: tuple[str, ...] = ()
+    falls: str = ""
     turned_deg: float | None = None
     inside_m: float | None = None
 
     @property
     def note(self) -> str:
-        """Return what the turn did; "" without one."""
+        """Return what the turn did, or why the person falls; "" if neither is known."""
+        if self.falls:
+            return f"person {self.index} falls in a simulation: {self.falls}"
         if self.turned_deg is None or self.inside_m is None:
             return ""
         place = f"the mass is {100 * self.inside_m:.1f} cm inside the edge of the soles"
@@ -66,36 +79,80 @@ class ExportedPerson:
         return f"person {self.index} is turned by {self.turned_deg:.1f} degrees about the ankles: {place}"
 
 
-def people_of(request: ExportRequest, indices: Sequence[int], *, balance: bool) -> list[ExportedPerson]:
-    """Return people of a request in its frame.
+def tiles_beside(request: ExportRequest, people: Sequence[ExportedPerson]) -> tuple[list[Tile], tuple[str, ...]]:
+    """Return the tiles of the scene that do not push over people whom their feet alone carry, and a note on the others.
 
-    Args:
-        request: with z up.
-        indices: of the people.
-        balance: whether to turn people whom their feet alone carry.
+    Such a tile reaches into the body; a foot that touches the scene, not the floor, may stand on it.
+    """
+    tiles = convex_tiles(request.result)
+    to_camera: Array = np.linalg.inv(request.frame.from_camera).astype(np.float64)
+    bodies = []
+    for person in people:
+        part = vertex_segments(person.rig.weights)
+        vertices = transform_points(to_camera, person.vertices)
+        standing = {
+            f"{side}_{name}" for side in person.feet if side not in person.on_floor for name in ("ankle", "foot")
+        }
+        free = [joint for joint in range(NUM_BODIES) if person.feet and JOINT_NAMES[joint] not in standing]
+        bodies += [vertices[part == joint] for joint in free]
+    kept = tiles_without(tiles, bodies)
+    left_out = len(tiles) - len(kept)
+    return kept, (f"{left_out} convex tiles of the scene reach into people and are left out",) if left_out else ()
+
+
+def people_of(request: ExportRequest) -> list[ExportedPerson]:
+    """Return the people of a request in its frame, which has z up.
+
+    People whom their feet alone balance within the error of the pose are turned over their soles, unless the option
+    ``keep_lean`` is given.
     """
     made = []
-    for index, rig in rigs(replace(request, people=tuple(indices))):
+    for index, rig in rigs(request):
         person = request.result.people[index]
         vertices = transform_points(request.frame.from_camera, person.vertices)
-        feet = feet_that_carry(person) if balance else ()
-        made.append(balanced(index, rig, vertices, feet) if feet else ExportedPerson(index, rig, vertices))
+        feet = feet_that_carry(person)
+        on_floor = _on_floor(person, vertices, vertex_segments(rig.weights))
+        feet = tuple(side for side in feet if side in on_floor) or feet  # a surface may have no collision shape
+        plain = ExportedPerson(index, rig, vertices, feet, on_floor, "" if feet else _why_falling(person))
+        if feet:
+            plain = _set_down(plain, _height(vertices))
+        made.append(balanced(plain) if feet and not request.options["keep_lean"] else plain)
     return made
 
 
 def feet_that_carry(person: Person) -> tuple[str, ...]:
-    """Return the sides of the feet that carry a person alone; none if a seat, a hand or another part carries, too.
+    """Return the sides of the feet that balance a person alone; none if a seat, a hand or another part carries, too.
 
     Contact with other people does not count: they may move away.
     """
-    contacts = () if person.support is None else person.support.contacts
-    carrying = [one for one in contacts if one.partner.kind in ("floor", "scene", "hidden")]
+    if person.support is None or person.support.state not in (SupportState.BALANCED, SupportState.ASSUMED):
+        return ()
+    carrying = [one for one in person.support.contacts if one.partner.kind in ("floor", "scene", "hidden")]
     if any(not one.part.endswith("_foot") or one.partner.kind == "hidden" for one in carrying):
         return ()
     return tuple(side for side in SIDES if any(one.part == f"{side}_foot" for one in carrying))
 
 
-def balanced(index: int, rig: Rig, vertices: Array, feet: Sequence[str]) -> ExportedPerson:
+def _why_falling(person: Person) -> str:
+    if person.support is None:
+        return "nothing is known to carry it"
+    return "" if person.support.state is SupportState.BALANCED else str(person.support)
+
+
+def _on_floor(person: Person, vertices: Array, part: NDArray[np.int64]) -> tuple[str, ...]:
+    """Return the sides of the feet that touch the floor, or the scene where it counts as the floor (FLOOR_M)."""
+    likely = [one for one in person.contacts if one.likely]
+    made = []
+    for side in SIDES:
+        kinds = {one.partner.kind for one in likely if one.part == f"{side}_foot"}
+        joints = [JOINT_INDEX[f"{side}_{name}"] for name in ("ankle", "foot")]
+        low = float(vertices[np.isin(part, joints), 2].min())
+        if "floor" in kinds or ("scene" in kinds and low < FLOOR_M):
+            made.append(side)
+    return tuple(made)
+
+
+def balanced(person: ExportedPerson) -> ExportedPerson:
     """Return a person turned about the ankles until the centre of mass is INSIDE_M inside the soles.
 
     Masses and soles are those of :func:`physic_export.humanoid.body_segments`. The body above the ankles turns as a
@@ -104,28 +161,26 @@ def balanced(index: int, rig: Rig, vertices: Array, feet: Sequence[str]) -> Expo
     pushes a body out that starts below; else the body is set back to its height.
 
     Args:
-        index: of the person.
-        rig: with z up.
-        vertices: (V, 3) of its pose.
-        feet: the sides of the feet that carry.
+        person: with z up, whom their feet alone carry.
     """
-    lowest = float(vertices[:, 2].min())
-    height = 0.0 if abs(lowest) < FLAT_M else lowest
-    turned, posed = _set_down(rig, vertices, height)
-    edges, centre = _sole_edges(turned, posed, feet)
+    height = float(person.vertices[:, 2].min())
+    turned = person
+    edges, centre = _sole_edges(turned)
     inside = _inside(edges, centre)
     if inside >= INSIDE_M:
-        return ExportedPerson(index, turned, posed, 0.0, inside)
+        return replace(person, turned_deg=0.0, inside_m=inside)
     for _ in range(_STEPS):
         aim = _aim(edges, centre)
         if np.linalg.norm(centre[:2] - aim) < _NEAR_M:
             break
-        turned = _turned(turned, centre, aim, feet)
-        turned, posed = _set_down(turned, skinned(turned), height)
-        edges, centre = _sole_edges(turned, posed, feet)
-    change = rotmat_to_rotvec(turned.rotations[0] @ rig.rotations[0].T)
+        rig = _turned(turned.rig, centre, aim, person.feet)
+        turned = _set_down(replace(turned, rig=rig, vertices=skinned(rig)), height)
+        edges, centre = _sole_edges(turned)
+    change = rotmat_to_rotvec(turned.rig.rotations[0] @ person.rig.rotations[0].T)
     angle = float(np.rad2deg(np.linalg.norm(change)))
-    return ExportedPerson(index, turned, posed, angle, _inside(edges, centre))
+    if angle > MAX_TURN_DEG:
+        return replace(person, falls=f"its mass is {-100 * inside:.0f} cm outside its soles")
+    return replace(turned, turned_deg=angle, inside_m=_inside(edges, centre))
 
 
 def _turned(rig: Rig, centre: Array, aim: Array, feet: Sequence[str]) -> Rig:
@@ -148,26 +203,33 @@ def _turned(rig: Rig, centre: Array, aim: Array, feet: Sequence[str]) -> Rig:
     return replace(rig, rotations=rotations, offsets=offsets)
 
 
-def _set_down(rig: Rig, vertices: Array, height: float) -> tuple[Rig, Array]:
-    """Return rig and vertices moved along z, with the lowest vertex at a height."""
-    move = np.array([0.0, 0.0, height - vertices[:, 2].min()])
-    offsets = rig.offsets.copy()
+def _height(vertices: Array) -> float:
+    """Return the height at which the lowest skin is exported: the floor, if it is near."""
+    lowest = float(vertices[:, 2].min())
+    return 0.0 if abs(lowest) < FLAT_M else lowest
+
+
+def _set_down(person: ExportedPerson, height: float) -> ExportedPerson:
+    """Return a person moved along z, with the lowest vertex at a height."""
+    move = np.array([0.0, 0.0, height - person.vertices[:, 2].min()])
+    offsets = person.rig.offsets.copy()
     offsets[0] += move
-    return replace(rig, offsets=offsets), vertices + move
+    return replace(person, rig=replace(person.rig, offsets=offsets), vertices=person.vertices + move)
 
 
-def _sole_edges(rig: Rig, vertices: Array, feet: Sequence[str]) -> tuple[Array, Array]:
+def _sole_edges(person: ExportedPerson) -> tuple[Array, Array]:
     """Return the edges (n, 3) of the hull of the soles from above, and the centre of mass (3,).
 
-    An edge is its unit normal outwards and its offset.
+    An edge is its unit normal outwards and its offset. Toes do not count: they are too weak to balance a body.
     """
-    segments, world = body_segments(rig, vertices), rig.world()
+    segments = body_segments(person.rig, person.vertices, person.on_floor)
+    world = person.rig.world()
     masses = np.array([one.mass for one in segments])
     centres = [
         pose[:3, :3] @ trimesh.Trimesh(*one.hull, process=False).center_mass + pose[:3, 3]
         for one, pose in zip(segments, world, strict=False)
     ]
-    joints = [JOINT_INDEX[f"{side}_{name}"] for side in feet for name in ("ankle", "foot")]
+    joints = [JOINT_INDEX[f"{side}_ankle"] for side in person.feet]
     soles = [segments[joint].soles @ world[joint, :3, :3].T + world[joint, :3, 3] for joint in joints]
     edges: Array = ConvexHull(np.concatenate(soles)[:, :2]).equations
     return edges, masses @ np.stack(centres) / masses.sum()

@@ -16,6 +16,8 @@ from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES, PARENTS
 from physic_core.geometry.rotations import rotmat_to_euler
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from physic_core.visual.rig import Rig
@@ -46,9 +48,9 @@ Source: the torque limits and the ratio of the gains of the humanoid of X. B. Pe
 a torque is its share of the mass here.
 """
 
-FULL_TORQUE_RAD = 0.05
+FULL_TORQUE_RAD = 0.02
 """Error of the angle at which an actuator gives its whole torque: a pose that it has the strength for is held within
-3 degrees. The source's gains, with 0.2 to 0.4 rad, let a bent trunk sink by 20."""
+1 degree. Softer ankles, as the source's with 0.2 to 0.4 rad, yield until the mass is beside the soles."""
 
 RESPONSE_S = 0.1
 """Ratio of damping to stiffness of an actuator, in which an error falls to 37 %: that of the source."""
@@ -108,6 +110,10 @@ DENSITY_KG_M3 = 1010.0
 FLAT_M = 0.02
 """Height over the lowest point up to which skin flattens on the floor, which is the distance of contact of the
 reconstruction."""
+
+SOLE_REACH_M = 0.1
+"""Height over the floor up to which a foot that touches it has its sole there: one foot of people who stand is often
+some centimetres higher than the other, which is an error of the pose."""
 
 SOLE_RADIUS_M = 0.005
 """Radius of the spheres at the outline of what is flat."""
@@ -196,12 +202,13 @@ def vertex_segments(weights: Array) -> NDArray[np.int64]:
     return body
 
 
-def body_segments(rig: Rig, vertices: Array) -> list[Segment]:
+def body_segments(rig: Rig, vertices: Array, on_floor: Sequence[str] = ()) -> list[Segment]:
     """Return the 22 segments of a person in the order of JOINT_NAMES.
 
     Args:
         rig: in the frame of the file.
         vertices: (V, 3) posed, in that frame, with the floor at z = 0.
+        on_floor: sides of the feet that touch the floor.
     """
     poses, part = rig.world(), vertex_segments(rig.weights)
     hulls = [convex_hull(vertices[part == joint]) for joint in range(NUM_BODIES)]
@@ -221,10 +228,8 @@ def body_segments(rig: Rig, vertices: Array) -> list[Segment]:
         used, faces = np.unique(rig.faces[owner == joint], return_inverse=True)
         soles = np.zeros((0, 3))
         if name.endswith(("ankle", "foot")) or lowest[joint] < FLAT_M:
-            side, _, plain = name.rpartition("_")
-            other = lowest[JOINT_INDEX[f"{side}_{_FOOT[plain]}"]] if plain in _FOOT else lowest[joint]
-            drop = lowest[joint] - other  # heel and ball of a foot have one sole
-            soles = _soles(local[part == joint], poses[joint][2, :3], drop if 0 < drop < FLAT_M else 0.0)
+            level = _sole_level(name, lowest, on_floor)
+            soles = _soles(local[part == joint], poses[joint][2, :3], lowest[joint] - level)
         hull = (hulls[joint][0] - poses[joint][:3, 3]) @ poses[joint][:3, :3], hulls[joint][1]
         capsule = _capsule(name, local[part == joint], poses, joint)
         skin = local[used], faces.reshape(-1, 3)
@@ -286,6 +291,24 @@ def _capsule(name: str, points: Array, poses: Array, joint: int) -> Capsule | No
     half = max(float(high - low) / 2 - radius, 1e-3)
     ends = np.array([-half, half]) + (low + high) / 2
     return Capsule(center + ends[:, None] * axis, radius)
+
+
+def _sole_level(name: str, lowest: Sequence[float], on_floor: Sequence[str]) -> float:
+    """Return the height of the sole of a part: heel and ball of a foot have one, on the floor if the foot touches it.
+
+    Args:
+        name: of the joint.
+        lowest: height of the lowest skin of each part.
+        on_floor: sides of the feet that touch the floor.
+    """
+    own = lowest[JOINT_INDEX[name]]
+    side, _, plain = name.rpartition("_")
+    if plain not in _FOOT:
+        return own
+    if side in on_floor and 0 < own < SOLE_REACH_M:
+        return 0.0
+    other = lowest[JOINT_INDEX[f"{side}_{_FOOT[plain]}"]]
+    return other if 0 < own - other < FLAT_M else own
 
 
 def _soles(points: Array, up: Array, drop: float) -> Array:

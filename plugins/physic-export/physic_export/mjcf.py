@@ -20,7 +20,7 @@ from physic_core.visual.export.request import camera_pose, drawn_floor
 from physic_core.visual.rig import body_of_result
 from physic_core.visual.surface import mesh_scene, scene_reach
 from physic_core.visual.textures.photo import encode_image
-from physic_export.balance import ExportedPerson, people_of
+from physic_export.balance import ExportedPerson, people_of, tiles_beside
 from physic_export.humanoid import (
     FULL_TORQUE_RAD,
     RESPONSE_S,
@@ -31,7 +31,7 @@ from physic_export.humanoid import (
     max_torque,
 )
 from physic_export.meshes import scene_mesh
-from physic_export.tiles import Tile, convex_tiles, tile_errors
+from physic_export.tiles import Tile, tile_errors
 
 if TYPE_CHECKING:
     import numpy as np
@@ -178,11 +178,8 @@ def export_mjcf(request: ExportRequest) -> ExportedFiles:
     - keyframe ``photo``: the pose of the photo, and the controls that hold it.
     - camera ``photo``: that of the photo.
     """
-    rigid, balance = bool(request.options["rigid"]), bool(request.options["balance"])
-    if rigid and balance:
-        raise InputError("rigid people have no ankles to turn about: give either rigid or balance (--rigid, --balance)")
-    jointed = [] if rigid else people_of(request, request.people, balance=balance)
-    tiles = convex_tiles(request.result) if request.scene else []
+    jointed = [] if request.options["rigid"] else people_of(request)
+    tiles, left_out = tiles_beside(request, jointed) if request.scene else ([], ())
     root = _mjcf_tree(request, tiles, jointed)
     picture = _add_scene(root, request)
     if jointed:
@@ -195,7 +192,7 @@ def export_mjcf(request: ExportRequest) -> ExportedFiles:
     errors = tile_errors(request.result, tiles)
     if errors is not None:
         note += f"; from the scene to the tiles: {100 * errors[0]:.1f} cm (median), {100 * errors[1]:.1f} cm (95 %)"
-    return ExportedFiles(files, (*notes, note))
+    return ExportedFiles(files, (*notes, note, *left_out))
 
 
 def _mjcf_tree(request: ExportRequest, tiles: Sequence[Tile], jointed: Sequence[ExportedPerson]) -> ElementTree.Element:
@@ -237,7 +234,7 @@ def _mjcf_tree(request: ExportRequest, tiles: Sequence[Tile], jointed: Sequence[
         bit = 2 << person.index % _PERSON_BITS
         geom = {"contype": str(bit), "conaffinity": str(2**31 - 1 - bit), "group": "3"}
         geom |= {"friction": FRICTION, "rgba": RGBA}
-        segments = body_segments(person.rig, person.vertices)
+        segments = body_segments(person.rig, person.vertices, person.on_floor)
         add_humanoid(root, f"person_{person.index}", segments, geom)
     pose = camera_pose(request.frame)
     quaternion = rotmat_to_quat(pose[:3, :3])

@@ -32,6 +32,9 @@ THICKNESS_M, THINNEST_M = 0.1, 0.01
 FLAT_M, FLAT_SHARE = 0.02, 0.01
 """Maximum distance of a patch's points from its plane: in metres, and as a share of its depth if that is more."""
 
+PRESSED_M = 0.002
+"""Depth of a tile in a body that a simulator resolves without a push that is felt."""
+
 MIN_FILLED = 0.8
 """Minimum share of a square that the surface covers, so that no tile spans a hole or an edge in depth."""
 
@@ -77,6 +80,28 @@ def convex_tiles(result: Reconstruction) -> list[Tile]:
     tree = cKDTree(skin)
     tiles = (_thicken(patch, color, skin, normals, tree) for patch, color in patches)
     return [tile for tile in tiles if tile is not None]
+
+
+def tiles_without(tiles: Sequence[Tile], bodies: Sequence[Array]) -> list[Tile]:
+    """Return the tiles that reach at most PRESSED_M into convex bodies (n, 3) of the camera frame.
+
+    Points of either are sought in the other: a tile can be smaller than a body.
+    """
+    hulls = [(points, ConvexHull(points).equations) for points in bodies]
+    kept = []
+    for tile in tiles:
+        facets = ConvexHull(tile.vertices).equations
+        points = np.concatenate([tile.vertices, tile.vertices[tile.faces].mean(1), tile.vertices.mean(0)[None]])
+        low, high = points.min(0), points.max(0)
+        near = [(body, own) for body, own in hulls if (body.max(0) > low).all() and (body.min(0) < high).all()]
+        if all(max(_depth(points, own), _depth(body, facets)) <= PRESSED_M for body, own in near):
+            kept.append(tile)
+    return kept
+
+
+def _depth(points: Array, facets: Array) -> float:
+    """Return how far the deepest of points (n, 3) is behind all facets of a hull; negative if all are outside."""
+    return float(-(points @ facets[:, :3].T + facets[:, 3]).max(1).min())
 
 
 def tile_errors(result: Reconstruction, tiles: Sequence[Tile]) -> tuple[float, float] | None:

@@ -14,11 +14,10 @@ import trimesh
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.geometry.rotations import rotmat_to_euler, rotmat_to_quat
 from physic_core.geometry.upright import transform_points
-from physic_export.balance import people_of
+from physic_export.balance import people_of, tiles_beside
 from physic_export.humanoid import SOLE_RADIUS_M, body_segments, max_torque
 from physic_export.meshes import scene_mesh
 from physic_export.mjcf import numbers, xml_file
-from physic_export.tiles import convex_tiles
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_export.humanoid import Capsule, Mesh, Segment
+    from physic_export.tiles import Tile
 
     Array = NDArray[np.float64]
 
@@ -75,9 +75,9 @@ def export_urdf(request: ExportRequest) -> ExportedFiles:
     convex tiles and a box under the floor.
     """
     files: dict[str, bytes] = {}
-    people = people_of(request, request.people, balance=bool(request.options["balance"]))
+    people = people_of(request)
     for person in people:
-        segments = body_segments(person.rig, person.vertices)
+        segments = body_segments(person.rig, person.vertices, person.on_floor)
         name = request.file_of(person.index)
         stem = PurePath(name).stem
         robot = _robot(stem, f"person_{person.index}", segments)
@@ -86,18 +86,20 @@ def export_urdf(request: ExportRequest) -> ExportedFiles:
         files[name] = xml_file(robot.root)
     notes = [person.note for person in people if person.note]
     if request.scene:
-        files |= _scene(request)
+        tiles, left_out = tiles_beside(request, people)
+        files |= _scene(request, tiles)
+        notes += left_out
     return ExportedFiles(files, tuple(notes))
 
 
-def _scene(request: ExportRequest) -> dict[str, bytes]:
+def _scene(request: ExportRequest, tiles: Sequence[Tile]) -> dict[str, bytes]:
     """Return the scene as a robot of one link, and its meshes."""
     stem = f"{request.stem}_scene"
     robot = _Robot(stem, _root("scene", collides=True))
     link = ElementTree.SubElement(robot.root, "link", name="scene")
     if (surface := scene_mesh(request)) is not None:
         ElementTree.SubElement(link, "visual").append(robot.mesh("surface", (surface.vertices, surface.faces)))
-    for number, tile in enumerate(convex_tiles(request.result)):
+    for number, tile in enumerate(tiles):
         mesh = transform_points(request.frame.from_camera, tile.vertices), tile.faces
         ElementTree.SubElement(link, "collision").append(robot.mesh(f"tile_{number}", mesh))
     below = np.eye(4)

@@ -1,7 +1,8 @@
-"""Bodies that stand: actuators hold them, and the option "balance" turns those that lean over their soles."""
+"""Bodies that stand: actuators hold them, and those that lean are turned over their soles."""
 
 from __future__ import annotations
 
+import itertools
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+import trimesh
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
@@ -16,9 +18,9 @@ from physic_core import Reconstruction
 from physic_core.body import load_body
 from physic_core.body.bones import parameters_from_rotations
 from physic_core.body.joints import JOINT_NAMES
-from physic_core.errors import InputError
 from physic_core.types import BodyContact, ContactPartner
 from physic_core.types.contacts import Support, SupportState
+from physic_export.tiles import Tile, tiles_without
 
 pytest.importorskip("mujoco")
 
@@ -81,7 +83,7 @@ def test_an_upright_body_stands_on_its_actuators(standing: Reconstruction, tmp_p
 def leaning(result: Reconstruction) -> Reconstruction:
     """A body that leans backwards by 8 degrees over its feet, which carry it."""
     leaning = upright(result, lean=np.deg2rad(-8))
-    feet = support(SupportState.UNBALANCED, ("left_foot", "right_foot"), FLOOR)
+    feet = support(SupportState.BALANCED, ("left_foot", "right_foot"), FLOOR)
     return replace(leaning, people=(replace(leaning.people[0], support=feet),))
 
 
@@ -89,15 +91,15 @@ def test_an_exported_body_is_turned_over_its_soles_which_stay(leaning: Reconstru
     import mujoco
 
     soles, centres = [], []
-    for name, balance in (("as_it_is.xml", False), ("turned.xml", True)):
-        done = leaning.export(str(tmp_path / name), balance=balance)
+    for name, turned in (("as_it_is.xml", False), ("turned.xml", True)):
+        done = leaning.export(str(tmp_path / name), keep_lean=not turned)
         turns = [found[1] for note in done.notes if (found := re.search(r"by ([\d.]+) degrees", note))]
-        assert len(turns) == balance
+        assert len(turns) == turned
         assert all(3.0 < float(angle) < 8.0 for angle in turns)
         model = mujoco.MjModel.from_xml_path(str(done.files[0]))
         data = mujoco.MjData(model)
         mujoco.mj_forward(model, data)
-        spheres = model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE
+        spheres = [i for i in range(model.ngeom) if re.search(r"ankle_\d", model.geom(i).name)]
         soles.append(data.geom_xpos[spheres])
         centres.append(data.subtree_com[model.body("person_0").id])
     np.testing.assert_allclose(soles[1], soles[0], atol=5e-3)
@@ -107,12 +109,71 @@ def test_an_exported_body_is_turned_over_its_soles_which_stay(leaning: Reconstru
     assert inside[1] == pytest.approx(0.04, abs=2e-3)
 
 
-def test_who_sits_is_not_turned_and_rigid_people_cannot_be(leaning: Reconstruction, tmp_path: Path):
+def head_after(file: Path, seconds: float) -> tuple[float, float]:
+    """Return the height of the head in the keyframe and after a simulation, metres."""
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_path(str(file))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("photo").id)
+    mujoco.mj_forward(model, data)
+    head = data.body("person_0_head")
+    start = float(head.xpos[2])
+    while data.time < seconds:
+        mujoco.mj_step(model, data)
+    return start, float(head.xpos[2])
+
+
+def test_who_is_balanced_within_the_error_of_the_lean_stays_up_and_falls_with_the_lean_of_the_photo(
+    leaning: Reconstruction, tmp_path: Path
+):
+    start, end = head_after(leaning.export(str(tmp_path / "a.xml")).files[0], 1.5)
+    assert end == pytest.approx(start, abs=0.03)
+    start, end = head_after(leaning.export(str(tmp_path / "b.xml"), keep_lean=True).files[0], 1.5)
+    assert end < start - 0.3
+
+
+def test_a_foot_that_touches_the_floor_has_its_sole_there_if_the_pose_has_it_higher(
+    leaning: Reconstruction, tmp_path: Path
+):
+    import mujoco
+
+    person, up = leaning.people[0], np.asarray(leaning.scene.floor.normal, np.float64)
+    lifted = replace(person, contacts=person.support.contacts)
+    raised = replace(leaning.scene.floor, offset=leaning.scene.floor.offset + 0.05)
+    higher = replace(leaning, people=(lifted,), scene=replace(leaning.scene, floor=raised))
+    assert (person.vertices @ up + raised.offset).min() > 0.04
+    model = mujoco.MjModel.from_xml_path(str(higher.export(str(tmp_path / "a.xml"), keep_lean=True).files[0]))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    soles = [i for i in range(model.ngeom) if re.search(r"(ankle|foot)_\d", model.geom(i).name)]
+    np.testing.assert_allclose(data.geom_xpos[soles, 2], model.geom_size[soles, 0], atol=1e-3)
+
+
+@pytest.mark.parametrize("state", [SupportState.UNBALANCED, SupportState.AIRBORNE])
+def test_the_export_says_who_falls(leaning: Reconstruction, tmp_path: Path, state: SupportState):
+    moving = replace(leaning.people[0], support=support(state, ("left_foot",), FLOOR))
+    notes = replace(leaning, people=(moving,)).export(str(tmp_path / "a.xml")).notes
+    assert any(note.startswith("person 0 falls") for note in notes)
+    assert not any("ankles" in note for note in notes)
+
+
+def test_who_sits_is_not_turned(leaning: Reconstruction, tmp_path: Path):
     seat = support(SupportState.BALANCED, ("left_foot", "seat"), FLOOR)
     sitter = replace(leaning, people=(replace(leaning.people[0], support=seat),))
-    assert not any("ankles" in note for note in sitter.export(str(tmp_path / "a.xml"), balance=True).notes)
-    with pytest.raises(InputError, match="either rigid or balance"):
-        leaning.export(str(tmp_path / "b.xml"), rigid=True, balance=True)
+    notes = sitter.export(str(tmp_path / "a.xml")).notes
+    assert not any("ankles" in note or "falls" in note for note in notes)
+
+
+def test_tiles_that_reach_into_a_body_are_left_out_also_those_within_it():
+    body = np.array(list(itertools.product((0.0, 1.0), repeat=3)))
+    small, beside, through = (cube(low, high) for low, high in ((0.4, 0.5), (1.001, 1.2), (0.9, 1.3)))
+    assert tiles_without([small, beside, through], [body]) == [beside]
+
+
+def cube(low: float, high: float) -> Tile:
+    hull = trimesh.convex.convex_hull(np.array(list(itertools.product((low, high), repeat=3))))
+    return Tile(np.asarray(hull.vertices), np.asarray(hull.faces), np.zeros(3))
 
 
 def support(state: SupportState, parts, partner: ContactPartner) -> Support:
