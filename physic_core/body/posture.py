@@ -68,14 +68,26 @@ def legs_in_line(
     return np.asarray(np.maximum.reduce(angles) < max_deg)
 
 
-def lean_deg(joints: FloatArray, floor: Plane, of: Literal["body", "trunk"] = "body") -> tuple[float, float]:
+def lean_deg(
+    joints: FloatArray,
+    floor: Plane,
+    of: Literal["body", "trunk"] = "body",
+    legs: NDArray[np.bool_] | tuple[bool, bool] = (True, True),
+) -> tuple[float, float]:
     """Return the angle between body and floor normal, and its signed component towards the camera, in degrees.
 
     The body is the line from the midpoint of the ankles to the neck, the trunk that from the midpoint of the hips. The
     signed part is measured in the vertical plane through camera and ankles or hips: positive if the neck is nearer.
+
+    Args:
+        joints: (55, 3) metres, camera frame.
+        floor: under the body.
+        of: what leans.
+        legs: left and right, whose ankles or hips count.
     """
     normal = np.asarray(floor.normal, np.float64)
-    foot = np.asarray(joints, np.float64)[_ANKLES if of == "body" else _HIPS].mean(0)
+    ends = np.asarray(joints, np.float64)[_ANKLES if of == "body" else _HIPS]
+    foot = ends[np.asarray(legs)].mean(0)
     body = np.asarray(joints[_NECK], np.float64) - foot
     towards = -foot - (-foot @ normal) * normal  # the camera is the origin
     length = float(np.linalg.norm(towards))

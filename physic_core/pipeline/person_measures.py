@@ -67,6 +67,7 @@ def measure_people(problem: JointProblem, result: JointResult, found: ContactRes
         seen = visible_share(body, normals, model.faces, model.outer, mask, problem.K) if bool(mask.any()) else None
         measured[i] = {
             "assumed_support": float(bool(support.hidden)),
+            "sits": float(found.parts[SEAT][i]) if found.parts else None,
             "seat_missing": _missing_seat(support, found, i),
             **silhouettes[i],
             "clearance_m": clearance(found.distance[i], heights),
@@ -104,8 +105,11 @@ def measure_given_keypoints(problem: JointProblem, result: JointResult, estimate
 
 
 def _missing_seat(support: Support, found: ContactResult, person: int) -> float | None:
-    """Return the probability that a person sits; 0 if a seat was found, None if the method estimates none."""
-    if not found.parts:
+    """Return the probability that a person sits; 0 if a seat was found.
+
+    None if the method estimates none, or if no pixel shows buttocks and thighs: the probability is a base rate then.
+    """
+    if not found.parts or bool(found.unseen[SEAT][person]):
         return None
     on = (one for one in support.contacts if kind_of_part(one.part) == SEAT and one.partner.kind != "hidden")
     return 0.0 if any(on) else float(found.parts[SEAT][person])

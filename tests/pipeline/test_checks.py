@@ -43,10 +43,17 @@ def standing(lean_deg: float = 0.0) -> np.ndarray:
     return np.stack([joints[:, 0], 1.5 - foot - up * math.cos(tilt), 4.0 - up * math.sin(tilt)], -1)
 
 
-def bent() -> np.ndarray:
+def bent(lean_deg: float = 0.0) -> np.ndarray:
     """(55, 3) joints of one whose left knee is bent."""
-    joints = standing()
+    joints = standing(lean_deg)
     joints[7] = joints[4] + [0.0, 0.0, 0.4]
+    return joints
+
+
+def with_knee_ahead(by_m: float) -> np.ndarray:
+    """A person whose left knee is nearer to the camera, in a leg that is straight in the photo."""
+    joints = standing()
+    joints[4, 2] -= by_m
     return joints
 
 
@@ -185,11 +192,16 @@ def test_a_fault_of_a_photo_fails_its_check_and_is_a_warning(
         ({"report": {"placement_problem": "2 keypoints have confidence 0.5 or more"}}, ("placed",)),
         ({"failure": "no start"}, ("placed",)),
         ({"lost": ("body_estimator",)}, ("missing_outputs",)),
-        ({"lean": 9.0}, ()),
-        ({"lean": 15.0}, ("lean",)),
-        ({"lean": -15.0}, ("lean",)),
+        ({"lean": 7.0}, ()),
+        ({"lean": 9.0}, ("lean",)),
+        ({"lean": -9.0}, ("lean",)),
+        ({"joints": bent(15.0)}, ("lean",)),  # on the right leg
+        ({"lean": 15.0, "stands": (0.3, 0.3)}, ()),
+        ({"joints": with_knee_ahead(0.1)}, ()),
+        ({"joints": with_knee_ahead(0.2)}, ("knees",)),
+        ({"joints": with_knee_ahead(0.2), "report": {"sits": 0.9}}, ()),
         ({"lean": 15.0, "legs": False}, ("legs_seen",)),
-        ({"joints": with_bent_trunk(25.0)}, ()),
+        ({"joints": with_bent_trunk(20.0)}, ()),
         ({"joints": with_bent_trunk(45.0)}, ("bend",)),
         ({"joints": with_bent_trunk(-45.0)}, ("bend",)),
         ({"report": {"mask_covered_share": 0.5, "clearance_m": 0.2}}, ("mask_covered", "support")),
@@ -275,6 +287,8 @@ def test_a_value_at_its_bound_holds_and_beyond_it_does_not() -> None:
         ({"floor": "switched_off"}, ("floor",), "the engine settings disable the floor search"),
         ({"legs": False}, ("lean",), "a leg is not visible"),
         ({"joints": bent()}, ("bend",), "this person does not stand on straight legs"),
+        ({"stands": (0.3, 0.3)}, ("lean",), "this person does not stand straight"),
+        ({"report": {"sits": 0.9}}, ("knees",), "no leg of this person is straight in the photo"),
         ({}, ("visible",), "no body was estimated, or none of it"),
         ({"joints": np.full((55, 3), np.nan)}, ("lean",), "no body was estimated, or none of it can be measured"),
         ({"sigma": None}, ("scale_sigma",), "the metric depth backend does not estimate its scale error"),
@@ -288,6 +302,16 @@ def test_an_unmeasured_check_is_unknown_with_its_reason(
     for name in names:
         assert (found[name].state, found[name].value) == (CheckState.UNKNOWN, None)
         assert found[name].message.startswith(f"not measured: {reason}")
+
+
+@pytest.mark.parametrize(("pitch_deg", "failed"), [(12.0, False), (19.0, True), (-40.0, False)])
+def test_a_floor_by_which_the_camera_looks_far_up_is_doubtful(pitch_deg: float, failed: bool) -> None:
+    estimates, solution = case()
+    pitch = math.radians(pitch_deg)
+    solution.scene.floor = Plane(np.array([0.0, -math.cos(pitch), math.sin(pitch)]), 1.5)
+    (check,) = [d for d in run_checks(estimates, solution) if d.name == "floor"]
+    assert check.failed == failed
+    assert ("looks up by 19 degrees" in check.message) == failed
 
 
 @pytest.mark.parametrize(("lean", "failed"), [(12.0, False), (18.0, True), (-18.0, True)])
@@ -399,7 +423,7 @@ def test_a_person_lists_what_failed_and_what_is_unknown() -> None:
         ("limb_keypoints", 0.0351, "Limbs off their keypoints: 3.51 % of the box diagonal (limit 3.5 %)"),
         ("mask_covered", 0.97, "Person covered by the body: 97 % of the mask (at least 90 %)"),
         ("support", -0.001, "Distance to the nearest surface: 0.00 m (limit 0.1 m)"),
-        ("lean", 3.2, "Leans towards the camera or away: 3° (limit 12°)"),
+        ("lean", 3.2, "Leans towards the camera or away: 3° (limit 8°)"),
         ("legs_seen", 1.0, "Visible legs: 1 (at least 2)"),
         ("placed", 0.0, "Placed by keypoints, depth and floor: no (must be yes)"),
         ("sole_height", None, "Lower sole off the floor: not measured"),

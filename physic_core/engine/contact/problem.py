@@ -87,6 +87,7 @@ class ContactResult:
         supports: per person, their support; None for non-finite vertices.
         parts: body part -> (N,) probability that it touches scene, floor or a hidden support; empty if the method
             estimates none.
+        unseen: body part -> (N,) bool, no pixel shows it, and its probability is a base rate; empty as ``parts``.
     """
 
     contact: Tensor
@@ -97,3 +98,4 @@ class ContactResult:
     contacts: tuple[tuple[BodyContact, ...], ...]
     supports: tuple[Support | None, ...]
     parts: Mapping[str, Tensor] = field(default_factory=dict)
+    unseen: Mapping[str, Tensor] = field(default_factory=dict)

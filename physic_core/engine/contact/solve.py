@@ -119,4 +119,5 @@ def _describe_contacts(
         contacts=tuple(contacts),
         supports=tuple(supports),
         parts=touch.parts,
+        unseen=unseen,
     )

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
-from physic_core.body.posture import lean_deg, standing_legs
+from physic_core.body.posture import angle_deg, lean_deg, standing_legs
 from physic_core.engine.joint.terms.picture import ReprojectionSettings
+from physic_core.engine.touch import LEAST_PROBABILITY
 from physic_core.pipeline.checks.photo import NO_FLOOR, relative_difference
 from physic_core.pipeline.checks.spec import YES, check
 from physic_core.types import skeleton_named
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Intrinsics, Skeleton
 
 _KNEES, _ANKLES, _SHOULDERS = joint_pair("knee"), joint_pair("ankle"), joint_pair("shoulder")
+_STRAIGHT_DEG = 12.0  # of a leg in the photo
 _NO_BODY = "no body was estimated, or none of it can be measured"
 _ASSUMED_SUPPORT = "a support not visible in the scene is assumed to carry this person"
 _NO_JOINTS = "the body estimator does not report which joints are visible"
@@ -200,7 +202,7 @@ def support(estimates: Estimates, solution: Solution, person: int) -> Measured:
     at_most=0.15,
     weak=True,
     advice="this person may sit, but the scene has no seat under them: do not use their seat",
-    unmeasured="this preset estimates no probability of sitting",
+    unmeasured="the photo shows neither buttocks nor thighs, or this preset estimates no probability of sitting",
 )
 def seat(estimates: Estimates, solution: Solution, person: int) -> Measured:
     """Return the probability of sitting; 0 with a seat in the scene."""
@@ -228,19 +230,21 @@ def sole_height(estimates: Estimates, solution: Solution, person: int) -> Measur
     )
 
 
-# People who stand or walk: up to 4 in photos, 3 in worlds. Sideways tilt is visible in the photo and not checked.
-@_check("Leans towards the camera or away", at_most=12, unit="deg", unmeasured=_NO_BODY)
+# Of 16 people who stand in films with known gravity, 14 up to 6; two of 11 and 12 lean by 9 and 10 too much. On a floor
+# that is off by 22 degrees 10 to 13. Sideways tilt is visible in the photo and not checked.
+@_check("Leans towards the camera or away", at_most=8, unit="deg", unmeasured=_NO_BODY)
 def lean(estimates: Estimates, solution: Solution, person: int) -> Measured:
-    """Return the tilt of a standing person towards the camera or away, degrees."""
+    """Return the tilt towards the camera or away of a person who stands or walks on a straight leg, degrees."""
     joints, plane = solution.joints[person], solution.scene.floor
     unknown = _unknown_support(estimates, solution, person)
     if unknown or plane is None:
         return None, unknown or NO_FLOOR
     if not np.isfinite(joints).all():
         return None
-    if not standing_legs(joints).all():
+    legs = standing_legs(joints, plane.normal)
+    if not legs.any() or estimates.stance.stands[person].max() < LEAST_PROBABILITY:
         return None, "this person does not stand straight"
-    part = lean_deg(joints, plane)[1]
+    part = lean_deg(joints, plane, legs=legs)[1]
     return abs(part), (
         f"this person stands and leans {_towards(part)}: one photo hardly shows this, so the pose or the floor is "
         "doubtful"
@@ -259,6 +263,38 @@ def bend(estimates: Estimates, solution: Solution, person: int) -> Measured:
     part = lean_deg(joints, plane, "trunk")[1]
     return abs(part), (
         f"the trunk is bent by {_towards(part)}: the photo cannot distinguish this from a trunk of another length"
+    )
+
+
+# True knees of 23 such legs in films: 6, and 17 in nine of ten. Of 60 in photos four are beyond, 46 to 60 and of nobody
+# who is good without this check.
+@_check(
+    "Knee bent where the photo shows a straight leg",
+    at_most=35,
+    unit="deg",
+    weak=True,
+    unmeasured="no leg of this person is straight in the photo, or this person sits",
+)
+def knees(estimates: Estimates, solution: Solution, person: int) -> Measured:
+    """Return the larger bend of the knees whose hip, knee and ankle are in line in the photo, degrees."""
+    joints, keypoints = solution.joints[person], estimates.keypoints
+    if not np.isfinite(joints).all() or (_measure(solution, person, "sits") or 0.0) >= LEAST_PROBABILITY:
+        return None
+    names, bends = skeleton_named(keypoints.skeleton).names, []
+    for side in SIDES:
+        leg = [f"{side}_{name}" for name in ("hip", "knee", "ankle")]
+        rows = [names.index(name) for name in leg if name in names]
+        if len(rows) < len(leg) or keypoints.confidence[person, rows].min() < _CONFIDENT:
+            continue
+        hip, knee, ankle = keypoints.points[person, rows]
+        if angle_deg(hip - knee, knee - ankle) < _STRAIGHT_DEG:
+            hip, knee, ankle = joints[[JOINT_INDEX[name] for name in leg]]
+            bends.append(float(angle_deg(hip - knee, knee - ankle)))
+    if not bends:
+        return None
+    return max(bends), (
+        f"a knee is bent by {max(bends):.0f} degrees towards the camera, and the photo shows a straight leg: the pose "
+        "of this leg is doubtful"
     )
 
 

@@ -27,6 +27,7 @@ _WHY_NO_FLOOR = {
 }
 _NO_PEOPLE = "there is no person in the result"
 _FEWEST_TRUNKS = 2  # a single person may bend
+_MOST_PITCH_DEG = 15.0  # of a camera that looks up and shows the floor
 
 _check = partial(check, "photo", weak=True, warns=True)
 
@@ -70,6 +71,10 @@ def floor(estimates: Estimates, solution: Solution) -> Measured:
             f"{NO_FLOOR}: {_WHY_NO_FLOOR.get(reason, reason)}; people are not constrained to the ground, and heights "
             "are unknown: use a photo that shows the ground at the feet"
         )
+    plane = solution.scene.floor
+    pitch = 0.0 if plane is None else math.degrees(math.asin(float(plane.normal[2])))
+    if pitch > _MOST_PITCH_DEG:
+        return 0.0, f"by this floor the camera looks up by {pitch:.0f} degrees, which is rare: the floor is doubtful"
     if in_mask is None:
         return None, "the segmenter returned no floor pixels"
     return float(in_mask), (
