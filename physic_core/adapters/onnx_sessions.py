@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import logging
 import os
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
@@ -272,12 +274,18 @@ def _register_shared_arena() -> None:
 
 
 def release_memory() -> None:
-    """Give CPU memory of the arena that no open session uses back to the system.
+    """Give CPU memory that was freed back to the system: that of the arena, and that of the C library of Linux.
 
-    Otherwise the process keeps it even after all sessions are closed: .6 GB for a photo.
+    Otherwise the process keeps it even after all sessions are closed: .6 GB for a photo. To take it again costs a
+    photo .2 CPU seconds.
     """
-    if not _register_shared_arena.cache_info().currsize:
-        return
+    if _register_shared_arena.cache_info().currsize:
+        _shrink_arena()
+    with suppress(OSError, AttributeError, TypeError):  # another C library has no such function
+        ctypes.CDLL(None).malloc_trim(0)
+
+
+def _shrink_arena() -> None:
     import numpy as np
     import onnxruntime as ort
 

@@ -34,6 +34,12 @@ _IDLE_SHARE = 0.01
 _LOOK_S = 0.1  # at least this long between two looks at a worker that has nearly used up its time
 _RETRY = "--timeout sets the limit, and --retry failed tries the photo again"
 
+_GROUP_FILES = {
+    "": ("sys/fs/cgroup", "memory.max", "memory.current", "inactive_file"),
+    "memory": ("sys/fs/cgroup/memory", "memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"),
+}
+"""Folder of control groups of version 2 and 1, the files of a group, and the line of the cache in ``memory.stat``."""
+
 _MEMORY_RESERVE = 1.25
 """A worker is expected to need this multiple of what its first photo needed."""
 
@@ -49,21 +55,48 @@ def default_workers(peak_mb: float, device: str = "cpu") -> int:
     """Return how many workers fit: one per core, as memory allows; one if they share a GPU.
 
     Args:
-        peak_mb: memory of the first worker after its first photo, MB; 0 if unknown, then one worker is used.
+        peak_mb: memory of the first worker after its first photo, MB, without files that all share; 0 if unknown, then
+            one worker is used.
         device: of the networks.
     """
     if device != "cpu" or peak_mb <= 0:
         return 1
-    free_mb = [math.inf]  # of the machine, and of the container
-    with suppress(OSError, ValueError):
-        text = Path("/proc/meminfo").read_text()
-        free_mb.append(float(text.partition("MemAvailable:")[2].split()[0]) / 1000)
-    with suppress(OSError, ValueError):
-        group = Path("/sys/fs/cgroup")
-        used = float((group / "memory.current").read_text())
-        free_mb.append((float((group / "memory.max").read_text()) - used) / 1e6)
-    more = max(0.0, min(free_mb)) / (_MEMORY_RESERVE * peak_mb)
+    more = max(0.0, free_memory_mb()) / (_MEMORY_RESERVE * peak_mb)
     return max(1, int(min(usable_cores(), 1 + more)))
+
+
+def free_memory_mb(root: Path = Path("/")) -> float:
+    """Return the memory, MB, that this process may still take; infinity if the system does not say.
+
+    It is the least of the machine's and of all control groups of the process, such as the container's, in which the
+    cache of files counts as free.
+
+    Args:
+        root: folder with ``proc`` and ``sys``.
+    """
+    free_mb = [math.inf]
+    with suppress(OSError, ValueError, IndexError):
+        text = (root / "proc/meminfo").read_text()
+        free_mb.append(float(text.partition("MemAvailable:")[2].split()[0]) / 1000)
+    with suppress(OSError):
+        for line in (root / "proc/self/cgroup").read_text().splitlines():
+            _, controllers, path = line.split(":", 2)  # the only line of version 2 has no controllers
+            if controllers in _GROUP_FILES:
+                folder, *names = _GROUP_FILES[controllers]
+                top = root / folder
+                own = top / path.lstrip("/")
+                groups = [group for group in (own, *own.parents) if group.is_relative_to(top)]
+                free_mb += [_free_of_group(group, *names) for group in groups]
+    return min(free_mb)
+
+
+def _free_of_group(group: Path, limit: str, usage: str, cache: str) -> float:
+    """Return the free memory of one control group by the names of its files, MB; infinity without a limit."""
+    with suppress(OSError, ValueError, IndexError):
+        cached = (group / "memory.stat").read_text().partition(f"\n{cache} ")[2].split()[0]
+        used = int((group / usage).read_text()) - int(cached)
+        return (int((group / limit).read_text()) - used) / 1e6
+    return math.inf
 
 
 def _work_seconds(pid: int) -> float:
@@ -82,6 +115,14 @@ def peak_memory_mb() -> float:
         return 0.0
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak / (1e6 if sys.platform == "darwin" else 1e3)
+
+
+def _own_peak_mb() -> float:
+    """Return the peak memory of this process without the pages of files, which other workers share; 0 if unknown."""
+    shared = 0.0
+    with suppress(OSError, ValueError, IndexError):
+        shared = float(Path("/proc/self/status").read_text().partition("RssFile:")[2].split()[0]) / 1e3
+    return max(0.0, peak_memory_mb() - shared)
 
 
 Task = TypeVar("Task")
@@ -111,7 +152,7 @@ class Outcome(Generic[Task]):
         message: reason of the failure.
         seconds: wall-clock time of the last attempt.
         attempts: number of attempts.
-        peak_mb: peak memory of the worker so far; 0 if unknown.
+        peak_mb: peak memory of the worker so far, without files that all workers share; 0 if unknown.
     """
 
     task: Task
@@ -128,7 +169,7 @@ class WorkerSettings:
     """Number, time limit and logs of the workers.
 
     Attributes:
-        count: number of processes; a function gets the peak memory, MB, of the first worker after its first task.
+        count: number of processes; a function gets ``Outcome.peak_mb`` of the first worker after its first task.
         timeout: CPU seconds after which a task ends, and seconds without work after which it ends; None for no limit.
             Elsewhere than on Linux, seconds by the clock.
         logs: folder for what the workers print, one file each; None prints to the terminal.
@@ -356,7 +397,7 @@ def _work(pipe: connection.Connection, open_worker: Callable[[], Callable[[Any],
         while True:
             task = pipe.recv()
             try:
-                pipe.send(("done", process(task), peak_memory_mb()))
+                pipe.send(("done", process(task), _own_peak_mb()))
             except OutputError as error:
                 pipe.send(("refused", "OutputError", str(error)))
             gc.collect()

@@ -32,7 +32,7 @@ from physic_core.geometry.floor import (
     plane_at_feet,
     plane_of_pixels,
 )
-from physic_core.geometry.plane import estimate_up
+from physic_core.geometry.plane import estimate_up, sample_normals
 from physic_core.geometry.tensors import select_pixels
 
 MIN_UP_CONFIDENCE = 0.11
@@ -154,7 +154,7 @@ def floor_candidates(
     view = inverse_depth_map(points, valid, evidence.hole)
     if view is None:
         return (FloorCandidate(None, 0.0),)
-    known = None if normals is None else select_pixels(view.valid, normals)[0]
+    known = None if normals is None else sample_normals(select_pixels(view.valid, normals)[0])
     shown = None if known is None else estimate_up(known)
     up = shown.up if shown is not None and shown.confidence >= MIN_UP_CONFIDENCE else None
     pixels = _scored_pixels(view, evidence)

@@ -118,16 +118,21 @@ class UpEstimate(NamedTuple):
     confidence: float
 
 
+def sample_normals(normals: Tensor) -> Tensor:
+    """Return some 20,000 of the known normals among (M, 3), in float64; a sample of the sample is itself."""
+    rows = (normals.square() @ normals.new_ones(3) > 0.5).nonzero()[:, 0]
+    return normals.index_select(0, rows[:: max(1, len(rows) // _SAMPLES)]).double()
+
+
 def estimate_up(normals: Tensor, start: Tensor | None = None) -> UpEstimate | None:
     """Estimate the up direction from unit surface normals (M, 3), camera frame, zero where unknown.
 
     The search starts at ``start`` (3,) unit, or at the camera's own up axis; either may be wrong by 45 degrees, which a
     camera that looks down steeply exceeds. None if there are too few normals.
     """
-    rows = (normals.square() @ normals.new_ones(3) > 0.5).nonzero()[:, 0]
-    if len(rows) < _FEWEST:
+    known = sample_normals(normals)
+    if len(known) < _FEWEST:
         return None
-    known = normals.index_select(0, rows[:: max(1, len(rows) // _SAMPLES)]).double()
     up = known.new_tensor([0.0, -1.0, 0.0]) if start is None else start.to(known)
     values = known.new_ones(3)
     for degrees, times in _ROUNDS:

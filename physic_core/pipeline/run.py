@@ -338,9 +338,9 @@ def _reconstruct(
         finally:
             if close:
                 stages.close()
-                release_memory()
             else:
                 stages.trim_cache()
+            release_memory()  # so that a worker's networks and engine do not hold theirs at one time
     from physic_core.pipeline.checks import run_checks
     from physic_core.pipeline.optimise import run_engine
     from physic_core.pipeline.reconstruction import build_reconstruction, describe_sources

@@ -12,7 +12,7 @@ from types import ModuleType
 
 import pytest
 
-from physic_core.batch.workers import Outcome, WorkerSettings, run_in_workers
+from physic_core.batch.workers import Outcome, WorkerSettings, free_memory_mb, run_in_workers
 from physic_core.errors import BackendError, ConfigError, OutputError
 
 from .conftest import STANDIN
@@ -147,3 +147,30 @@ def test_tasks_may_be_given_one_after_the_other_to_a_worker_that_stays_open(stan
     waiting.append("full")
     with pytest.raises(OutputError):
         next(outcomes)
+
+
+@pytest.mark.parametrize(
+    ("groups", "files", "free_mb"),
+    [
+        ("0::/\n", {}, 8000),
+        ("0::/a/b\n", {"a/b/memory.max": "max", "a/memory.max": "3000000000"}, 2600),
+        ("0::/a/b\n", {"a/b/memory.max": "2000000000", "a/memory.max": "3000000000"}, 1600),
+        ("4:cpu:/\n3:memory:/a\n0::/\n", {"memory/a/memory.limit_in_bytes": "1500000000"}, 1100),
+        ("3:memory:/seen/outside\n", {"memory/memory.limit_in_bytes": "1500000000"}, 1100),
+    ],
+    ids=["no limit", "limit above", "own limit", "version 1", "inside a container"],
+)
+def test_free_memory_is_that_of_machine_and_control_groups(
+    tmp_path: Path, groups: str, files: dict[str, str], free_mb: float
+):
+    (tmp_path / "proc" / "self").mkdir(parents=True)
+    (tmp_path / "proc" / "meminfo").write_text("MemTotal: 9 kB\nMemAvailable:    8000000 kB\n")
+    (tmp_path / "proc" / "self" / "cgroup").write_text(groups)
+    for name, limit in files.items():
+        path = tmp_path / "sys" / "fs" / "cgroup" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(limit)
+        usage = "memory.usage_in_bytes" if "limit_in" in name else "memory.current"
+        (path.parent / usage).write_text("500000000")
+        (path.parent / "memory.stat").write_text("anon 1\ninactive_file 100000000\ntotal_inactive_file 100000000\n")
+    assert free_memory_mb(tmp_path) == pytest.approx(free_mb)
