@@ -180,6 +180,9 @@ class ExportedFiles:
     notes: tuple[str, ...] = ()
 
 
+_NAMED_FILES = 4
+
+
 @dataclass(frozen=True)
 class Exported:
     """Result of an export.
@@ -191,3 +194,9 @@ class Exported:
 
     files: tuple[Path, ...]
     notes: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        names = [file.name for file in self.files[:_NAMED_FILES]]
+        if more := len(self.files) - len(names):
+            names.append(f"{more} more")
+        return f"Exported({', '.join(names)}; {len(self.notes)} notes)"

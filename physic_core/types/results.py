@@ -21,6 +21,8 @@ from physic_core.types.records import Grade
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -306,6 +308,30 @@ class Reconstruction(ShortRepr):
             PackageMissingError: physic-viewer, which makes the page, is not installed.
         """
         _public_function("save_report")(self, path, title)
+
+    def show(self) -> Path:
+        """Write the page of :meth:`report` to a temporary folder, and open it in the browser.
+
+        Returns:
+            The path of the page, also where no browser is found.
+
+        Raises:
+            PackageMissingError: physic-viewer, which makes the page, is not installed.
+        """
+        import tempfile
+        import webbrowser
+        from pathlib import Path
+
+        page = Path(tempfile.mkdtemp(prefix="physic-"), "report.html")
+        self.report(str(page), self.photo_name)
+        webbrowser.open(page.as_uri())
+        return page
+
+    def to_pandas(self) -> Any:
+        """Return the rows of ``people.csv``, see :func:`person_rows`, as a ``pandas.DataFrame``; pandas is yours."""
+        import pandas
+
+        return pandas.DataFrame(person_rows(self), columns=list(_ROW))
 
     def export(self, path: str, format: str | None = None, **options: Any) -> Exported:
         """Write a file of another program's format: a skinned GLB, or a format of an installed plugin.

@@ -102,7 +102,7 @@ THROUGH_OTHERS = {
 }
 """Requirements that another library imports for us."""
 BY_THE_USER = {
-    "physic-core": {"onnxruntime"},  # for plugins that run ONNX files
+    "physic-core": {"onnxruntime", "pandas"},  # for plugins that run ONNX files; for Reconstruction.to_pandas
     "physic-human": {"torchvision"},  # has to fit the user's torch; missing() names it
     "physic-setup": {"torch"},  # of the core; its metadata do not name the build
     "physic-testing": {"pytest"},  # for the tests of plugins only

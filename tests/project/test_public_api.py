@@ -3,12 +3,13 @@ from __future__ import annotations
 import importlib
 import pkgutil
 import re
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
 import physic_core
-from physic_core import errors
+from physic_core import Person, Scene, errors
 
 
 def test_the_page_names_all_public_names(repository: Path):
@@ -42,3 +43,12 @@ def test_a_public_name_can_be_imported_from_the_package(name: str):
 
 def test_every_error_is_a_physic_error():
     assert all(issubclass(getattr(errors, name), errors.PhysicError) for name in errors.__all__)
+
+
+@pytest.mark.parametrize("record", [Scene, Person], ids=lambda record: record.__name__)
+def test_the_page_of_the_api_lists_every_field_of_a_result(repository: Path, record: type):
+    page = (repository / "docs" / "api.md").read_text()
+    _, _, section = page.partition(f", a `{record.__name__}`")
+    table = section.split("\n\n")[1]
+    listed = {name for row in table.splitlines() for name in re.findall(r"`(\w+)`", row.split("|")[1])}
+    assert listed == {field.name for field in fields(record)}

@@ -97,3 +97,10 @@ def test_what_was_not_measured_explains_a_grade_that_is_not_good(
     unknown = check("support", 0, CheckState.UNKNOWN, "Distance to the nearest surface")
     people = (replace(two_people.people[0], grade=grade),)
     assert person_rows(replace(two_people, people=people, checks=(unknown,)))[0]["why"] == why
+
+
+def test_a_frame_of_pandas_has_the_rows_of_people(two_people: Reconstruction) -> None:
+    pandas = pytest.importorskip("pandas")
+    frame = two_people.to_pandas()
+    pandas.testing.assert_frame_equal(frame, pandas.DataFrame(person_rows(two_people)))
+    assert list(frame.columns) == list(PERSON_COLUMNS[1:])

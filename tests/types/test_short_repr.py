@@ -2,12 +2,14 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import torch
 
 from physic_core import types
 from physic_core.types import DepthMap, Intrinsics, Plane, Reconstruction
+from physic_core.types.records import Exported
 from physic_core.types.short_repr import ShortRepr
 
 
@@ -46,3 +48,11 @@ def test_every_dataclass_of_arrays_that_plugins_meet_is_short():
         if dataclasses.is_dataclass(kind):
             hints = " ".join(str(field.type) for field in dataclasses.fields(kind))
             assert "Array" not in hints or issubclass(kind, ShortRepr), name
+
+
+def test_an_export_of_many_files_is_printed_in_one_line() -> None:
+    files = tuple(Path(f"folder/part_{number}.stl") for number in range(380))
+    text = repr(Exported(files, ("a note",)))
+    assert len(text) < 100
+    assert "part_0.stl" in text
+    assert "376" in text

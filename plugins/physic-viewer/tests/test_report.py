@@ -265,3 +265,11 @@ def test_the_bundle_of_three_js_is_the_one_that_was_built_and_has_its_licence():
     assert "three.js authors" in head
     assert b"http:" not in content
     assert b"https:" not in content
+
+
+def test_a_result_shows_its_page_in_the_browser(standing, monkeypatch):
+    opened = []
+    monkeypatch.setattr("webbrowser.open", lambda address: bool(opened.append(address)))
+    page = replace(standing).show()
+    assert opened == [page.as_uri()]
+    assert PAGE_MARK in page.read_text()[:500]
