@@ -33,6 +33,7 @@ from physic_core.pipeline.backend_results import (
     discard_invalid_hands,
     discard_invalid_keypoints,
     expand_contact,
+    real_people,
     replace_hands,
     select_held_objects,
     transfer_contact,
@@ -171,8 +172,14 @@ def run_backends(
 
     run = _BackendCalls(plan.backends, load_model, stages)
     sizes = sizes or KnownSizes()
-    people = run.people(image, prompt, required=plan.photo.require_people)
-    known, notes = _known_people(sizes, people, chosen=prompt is not None)
+    found_people = run.people(image, prompt, required=plan.photo.require_people)
+    real = real_people(found_people, prompt)
+    people = run.select(found_people, real)
+    if prompt is None:
+        known, notes = _known_people(sizes, people, chosen=False)
+    else:
+        known, notes = _known_people(sizes, found_people, chosen=True)
+        known = known.select(real)
     stages.note(*notes)
     if len(people) and not sizes:
         stages.note(SIZES_OF_ADULTS)
@@ -334,6 +341,14 @@ class _BackendCalls:
                 raise _nobody(image, segmenter.title)
             self.stages.note("no person was found: the result is only the scene, and its scale is not confirmed")
         return people
+
+    def select(self, people: People, real: BoolArray) -> People:
+        """Return the real ones (N,) bool of the people, with a note about each other one."""
+        for i in np.flatnonzero(~real):
+            x0, y0, x1, y1 = people.boxes[i].round().astype(int).tolist()
+            self.stages.note(f"left out the person in ({x0}, {y0}, {x1}, {y1}): its joints lie on another person")
+        self.missing.update({name: missing[real] for name, missing in self.missing.items()})
+        return select_people(people, real)
 
     def keypoints(self, image: UInt8Array, people: People) -> Keypoints:
         """Detect the keypoints of all people in an image."""

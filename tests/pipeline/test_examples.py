@@ -16,7 +16,7 @@ from physic_core import Pipeline, Reconstruction, load_config
 from physic_core.batch.process import batch_config
 from physic_core.body import load_body
 from physic_core.engine.contact.method import ContactMethod
-from physic_core.types import CameraTrust, Intrinsics
+from physic_core.types import CameraTrust, Intrinsics, PeoplePrompt
 from physic_testing.worlds import build_world
 
 from .consistency import consistency
@@ -40,6 +40,17 @@ def results(pipeline: Pipeline) -> dict[str, Reconstruction]:
     files = sorted(file for file in EXAMPLES.iterdir() if file.suffix in (".jpg", ".png"))
     assert len(files) == 6
     return {file.stem: pipeline(file) for file in files}
+
+
+@pytest.mark.parametrize(("top", "bottom"), [(0.2, 0.6), (0.0, 0.35), (0.5, 1.0)])
+def test_a_false_person_within_a_person_moves_nobody(pipeline: Pipeline, top: float, bottom: float) -> None:
+    photo, man = EXAMPLES / "slope.jpg", (395.0, 420.0, 589.0, 1044.0)
+    within = (man[0] + 20, man[1] + top * 624, man[2] - 20, man[1] + bottom * 624)
+    alone, both = (pipeline(photo, people=PeoplePrompt(boxes=boxes)) for boxes in ((man,), (man, within)))
+    (person,) = both.people
+    moved = np.linalg.norm(person.joints - alone.people[0].joints, axis=1)
+    assert moved.max() < 0.02 * np.linalg.norm(person.joints[0])
+    assert any("left out" in note for note in both.notes)
 
 
 @pytest.mark.parametrize("name", sorted(file.stem for file in NUMBERS.glob("*.json")))

@@ -13,8 +13,8 @@ from physic_core import reconstruct
 from physic_core.cli.result_summary import summary_text
 from physic_core.engine.joint import solve as joint
 from physic_core.io.results import read_record
-from physic_core.pipeline.backend_results import discard_invalid_hands, discard_invalid_keypoints
-from physic_core.types import Hands, Keypoints, Person, Reconstruction
+from physic_core.pipeline.backend_results import discard_invalid_hands, discard_invalid_keypoints, real_people
+from physic_core.types import Hands, Keypoints, People, PeoplePrompt, Person, Reconstruction
 from physic_core.types.arrays import select_people
 from physic_mock import backends
 from physic_testing.worlds import World, build_world
@@ -189,3 +189,17 @@ def test_invalid_rows_become_the_values_for_unknown() -> None:
     hands, lost = discard_invalid_hands(hands)
     assert lost.tolist() == [False, True]
     assert hands.confidence.tolist() == [[0.9, 0.0], [0.0, 0.0]]
+
+
+@pytest.mark.parametrize(("on_own", "real"), [(4, False), (7, True)])
+def test_a_person_whose_joints_lie_on_another_one_is_not_real(on_own: int, real: bool) -> None:
+    """Of 17 joints 7 on the own mask are a person behind another one; a mask that the user gives is followed."""
+    masks = np.zeros((2, 40, 60), bool)
+    masks[0, :, :30] = masks[1, :, 30:] = True
+    points = np.full((2, 17, 2), 10.0, np.float32)
+    points[1, :on_own] = 45
+    points[1, :on_own, 1] = 20
+    keypoints = Keypoints(points, np.ones((2, 17), np.float32), "coco17")
+    people = People(masks, np.zeros((2, 4)), np.ones(2), keypoints=keypoints)
+    assert real_people(people).tolist() == [True, real]
+    assert real_people(people, PeoplePrompt(masks=masks)).all()
