@@ -1,0 +1,51 @@
+#!/bin/sh
+# A skinned mesh of UsdSkel, whose bind pose lies at the origin and whose animation moves it 3 m aside, is read by a
+# simulator. Guessed: the mesh is left out, since a simulator has no skinning.
+# Measured with newton 1.8.0: it becomes a visible shape in the bind pose, at the origin, without a warning.
+set -eu
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+python3 -m venv "$folder/venv"
+"$folder/venv/bin/pip" install --quiet --disable-pip-version-check newton==1.8.0 newton-usd-schemas usd-core==26.11 numpy==2.4.6
+cd "$folder"
+"$folder/venv/bin/python" - <<'PYTHON'
+import importlib.metadata
+
+import newton
+import numpy as np
+from pxr import Gf, Usd, UsdGeom, UsdSkel, Vt
+
+stage = Usd.Stage.CreateNew("person.usda")
+UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+UsdSkel.Root.Define(stage, "/root")
+mesh = UsdGeom.Mesh.Define(stage, "/root/mesh")
+mesh.CreatePointsAttr([Gf.Vec3f(0, 0, 0), Gf.Vec3f(1, 0, 0), Gf.Vec3f(0, 1, 0), Gf.Vec3f(0, 0, 1)])
+mesh.CreateFaceVertexCountsAttr([3, 3, 3, 3])
+mesh.CreateFaceVertexIndicesAttr([0, 2, 1, 0, 1, 3, 1, 2, 3, 0, 3, 2])
+skeleton = UsdSkel.Skeleton.Define(stage, "/root/skeleton")
+skeleton.CreateJointsAttr(["joint"])
+skeleton.CreateBindTransformsAttr([Gf.Matrix4d(1)])
+skeleton.CreateRestTransformsAttr([Gf.Matrix4d(1)])
+motion = UsdSkel.Animation.Define(stage, "/root/motion")
+motion.CreateJointsAttr(["joint"])
+motion.CreateTranslationsAttr([Gf.Vec3f(3, 0, 0)])
+motion.CreateRotationsAttr([Gf.Quatf(1)])
+motion.CreateScalesAttr([Gf.Vec3h(1)])
+UsdSkel.BindingAPI.Apply(skeleton.GetPrim()).CreateAnimationSourceRel().SetTargets([motion.GetPath()])
+binding = UsdSkel.BindingAPI.Apply(mesh.GetPrim())
+binding.CreateSkeletonRel().SetTargets([skeleton.GetPath()])
+binding.CreateJointIndicesPrimvar(False, 1).Set(Vt.IntArray([0] * 4))
+binding.CreateJointWeightsPrimvar(False, 1).Set(Vt.FloatArray([1] * 4))
+stage.Save()
+
+builder = newton.ModelBuilder()
+builder.add_usd("person.usda")
+shape = builder.shape_label.index("/root/mesh")
+place = np.array(builder.shape_transform[shape])[:3]
+farthest = np.asarray(builder.shape_source[shape].vertices)[:, 0].max() + place[0]
+visible = bool(int(builder.shape_flags[shape]) & int(newton.ShapeFlags.VISIBLE))
+version = importlib.metadata.version("newton")
+print(f"newton {version}: visible {visible}, largest x {farthest:.1f} m, where the posed mesh ends at 4.0 m")
+raise SystemExit(not (visible and abs(farthest - 1.0) < 1e-6))
+PYTHON
