@@ -75,6 +75,7 @@ if TYPE_CHECKING:
 
 SIZES_OF_ADULTS = "sizes assume adults; for a child give --age"
 """Note of a result with people and no known size."""
+_POINT_AT_PEOPLE = "if the photo shows one, point at them with --person x,y or --box x0,y0,x1,y1"
 
 
 @dataclass(frozen=True)
@@ -337,9 +338,12 @@ class _BackendCalls:
             own, self.missing["segmenter"] = discard_invalid_keypoints(people.keypoints)
             people = replace(people, keypoints=own)
         if not len(people):
+            cure = _POINT_AT_PEOPLE if takes_prompt else "if the photo shows a person, use another segmenter"
             if required:
-                raise _nobody(image, segmenter.title)
-            self.stages.note("no person was found: the result is only the scene, and its scale is not confirmed")
+                raise _nobody(image, segmenter.title, cure)
+            self.stages.note(
+                f"no person was found: the result is only the scene, and its scale is not confirmed; {cure}"
+            )
         return people
 
     def select(self, people: People, real: BoolArray) -> People:
@@ -468,11 +472,11 @@ class _BackendCalls:
         return scaled_depth(hints.scene, hints.scale, hints.intrinsics)
 
 
-def _nobody(image: UInt8Array, segmenter: str) -> NoPersonError:
+def _nobody(image: UInt8Array, segmenter: str, cure: str) -> NoPersonError:
     height, width = image.shape[:2]
     return NoPersonError(
-        f"no person was found in the photo of {width} x {height} px by {segmenter}: use a photo that shows at least "
-        "one head and torso, another segmenter, or no require_people for a scene-only result"
+        f"no person was found in the photo of {width} x {height} px by {segmenter}: {cure}; without require_people, "
+        "the result is the scene alone"
     )
 
 

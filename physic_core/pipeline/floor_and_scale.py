@@ -374,7 +374,7 @@ def _notes(vote: ScaleVote, soles: Witnesses, torsos: Witnesses, stands: BoolArr
     kind, voters = (soles, on_floor) if on_floor.any() else (torsos, np.isfinite(torsos.scale))
     others = np.isfinite(kind.scale) & (~voters | (np.abs(vote.residuals(kind)) > _DISAGREES))
     count = int(others.sum())
-    return (f"{_people(count)} would give the scene another scale",) if count else ()
+    return (f"feet or size of {_people(count)} suggest another scale",) if count else ()
 
 
 def scale_note(contacts: Sequence[Sequence[BodyContact]], bodies: int, floor: Plane | None) -> str:

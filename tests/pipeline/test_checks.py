@@ -25,7 +25,16 @@ from physic_core.pipeline.checks import (
     warning_messages,
 )
 from physic_core.pipeline.person_measures import clearance, depth_ratio, visible_share
-from physic_core.types import CameraTrust, CheckResult, CheckState, Grade, Intrinsics, Plane, skeleton_named
+from physic_core.types import (
+    CameraTrust,
+    CheckResult,
+    CheckState,
+    Grade,
+    Intrinsics,
+    Plane,
+    UnposedPerson,
+    skeleton_named,
+)
 
 CAMERA = Intrinsics.from_focal(500, 640, 480, "EXIF")
 GUESS = replace(CAMERA, source="0.95 x the long side", trust=CameraTrust.GUESSED)
@@ -66,6 +75,11 @@ def with_bent_trunk(degrees: float) -> np.ndarray:
     above = joints[:, 1] < hips[1]
     joints[above] = hips + (joints[above] - hips) @ turn.T
     return joints
+
+
+def nobody(height: float, left: float = 310.0) -> UnposedPerson:
+    """A box without a body; that of the person is 400 px high."""
+    return UnposedPerson((left, 0.0, left + 50, height), 0.5, "no pose fits the box")
 
 
 def keypoints_at(joints: np.ndarray, camera: Intrinsics, off_px: float = 0.0, moved: int = 0) -> Any:
@@ -155,7 +169,8 @@ def test_nothing_fails_where_all_is_well() -> None:
         ({"camera": Intrinsics(500, 500, 319.5, 239.5 - 0.16 * 480, 640, 480)}, "principal_point", 0.16, ""),
         ({"scene_camera": Intrinsics.from_focal(325, 320, 240)}, "focal_agreement", 0.3, "650 px"),
         ({"scene_camera": Intrinsics.from_focal(400, 640, 480)}, "focal_agreement", 0.25, "400 px"),
-        ({"unposed": ("somebody", "another")}, "unposed_people", 2.0, ""),
+        ({"unposed": (nobody(200), nobody(201))}, "unposed_people", 2.0, "2 people"),
+        ({"unposed": (nobody(200), nobody(199))}, "unposed_people", 1.0, "1 person"),
     ],
 )
 def test_a_fault_of_a_photo_fails_its_check_and_is_a_warning(
@@ -166,6 +181,12 @@ def test_a_fault_of_a_photo_fails_its_check_and_is_a_warning(
     assert failed.value == pytest.approx(value)
     assert warning_messages([failed]) == (failed.message,)
     assert word in failed.message
+
+
+def test_a_far_stranger_and_a_box_of_somebody_with_a_body_take_no_grade_away() -> None:
+    estimates, solution = case(unposed=(nobody(199), nobody(400, left=0.0)))
+    estimates.people.masks[0, :400, :26] = True
+    assert not [check for check in run_checks(estimates, solution) if check.failed]
 
 
 @pytest.mark.parametrize(
@@ -424,7 +445,7 @@ def test_a_person_lists_what_failed_and_what_is_unknown() -> None:
         ("mask_covered", 0.97, "Person covered by the body: 97 % of the mask (at least 90 %)"),
         ("support", -0.001, "Distance to the nearest surface: 0.00 m (limit 0.1 m)"),
         ("lean", 3.2, "Leans towards the camera or away: 3° (limit 8°)"),
-        ("legs_seen", 1.0, "Visible legs: 1 (at least 2)"),
+        ("legs_seen", 1.0, "Number of visible legs: 1 (at least 2)"),
         ("placed", 0.0, "Placed by keypoints, depth and floor: no (must be yes)"),
         ("sole_height", None, "Lower sole off the floor: not measured"),
     ],

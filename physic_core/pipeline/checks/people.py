@@ -153,7 +153,7 @@ def visible(estimates: Estimates, solution: Solution, person: int) -> Measured:
 
 # The pose of a trunk whose shoulders are outside of the photo is a guess, however well the legs fit.
 @_check(
-    "Visible shoulders",
+    "Number of visible shoulders",
     at_least=1,
     unit="count",
     weak=True,
@@ -167,7 +167,7 @@ def shoulders_seen(estimates: Estimates, solution: Solution, person: int) -> Mea
 
 
 @_check(
-    "Visible legs",
+    "Number of visible legs",
     at_least=2,
     unit="count",
     weak=True,

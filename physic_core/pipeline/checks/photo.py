@@ -14,11 +14,13 @@ import numpy as np
 
 from physic_core.body.posture import trunk_tilt_deg
 from physic_core.pipeline.checks.spec import YES, check
+from physic_core.types.results import main_people
 
 if TYPE_CHECKING:
     from physic_core.pipeline.checks.spec import Measured
     from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.solution import Solution
+    from physic_core.types import BoolArray, FloatArray
 
 NO_FLOOR = "no plane was found for the floor"
 _WHY_NO_FLOOR = {
@@ -26,6 +28,7 @@ _WHY_NO_FLOOR = {
     "no_consensus": "no horizontal plane explains enough pixels",
 }
 _NO_PEOPLE = "there is no person in the result"
+_COVERED_SHARE = 0.5  # of a box that holds parts of a person who has a body
 _FEWEST_TRUNKS = 2  # a single person may bend
 _MOST_PITCH_DEG = 15.0  # of a camera that looks up and shows the floor
 
@@ -182,11 +185,26 @@ def focal_agreement(estimates: Estimates, solution: Solution) -> Measured:
 
 @_check("People without a body", at_most=0, unit="count")
 def unposed_people(estimates: Estimates, solution: Solution) -> Measured:
-    """Return the number of boxes of people without a body."""
-    unposed = len(estimates.people.unposed)
-    return float(unposed), (
-        f"{unposed} of the people in the photo have no body: dashed boxes in preview and page show them"
+    """Return the number of boxes without a body that are as large as main people, and not of people with a body."""
+    people = estimates.people
+    boxes: list[FloatArray] = list(people.boxes)
+    posed: BoolArray = np.any(people.masks, axis=0)
+    lacking = sum(
+        len(boxes) in main_people([*boxes, np.array(one.box)]) and not _is_covered(one.box, posed)
+        for one in people.unposed
     )
+    who = "1 person" if lacking == 1 else f"{lacking} people"
+    return float(lacking), (
+        f"no body was found for {who} in the photo, whom dashed boxes in preview and page show: point at each person "
+        "with --person x,y"
+    )
+
+
+def _is_covered(box: tuple[float, float, float, float], mask: BoolArray) -> bool:
+    """Return whether a mask (H, W) has most pixels of a box, which then is of the person with the mask."""
+    x0, y0, x1, y1 = (max(0, round(edge)) for edge in box)
+    inside = mask[y0:y1, x0:x1]
+    return inside.size > 0 and float(inside.mean()) > _COVERED_SHARE
 
 
 def relative_difference(ratio: float) -> float:
