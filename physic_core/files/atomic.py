@@ -10,15 +10,17 @@ regular files, since reading a pipe could wait for ever.
 from __future__ import annotations
 
 import errno
+import glob
 import os
 import re
 import secrets
 import stat
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from io import BufferedReader
 from pathlib import Path
+from types import MappingProxyType
 from typing import BinaryIO
 
 from physic_core.errors import OutputError
@@ -35,16 +37,20 @@ class AtomicWrite:
     """Files of one folder that will be renamed together.
 
     Called with a file name, it returns the temporary path to write that file to.
+
+    Args:
+        folder: of the files.
+        parts: name -> temporary path of files that were written already.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, parts: Mapping[str, Path] = MappingProxyType({})) -> None:
         self._folder, self._token = folder, secrets.token_hex(4)
-        self._parts: dict[str, Path] = {}
+        self._parts = dict(parts)
 
     def __call__(self, name: str) -> Path:
         """Return the temporary path of a file, of which the name may begin with folders."""
         # In the same folder, since a rename is atomic only within one file system.
-        return self._parts.setdefault(name, self._folder / f".{name.replace('/', '.')}.{self._token}.physic-part")
+        return self._parts.setdefault(name, self._folder / _part_name(name, self._token))
 
     def rename(self) -> None:
         """Give the files that were written so far their names, in the order of the calls.
@@ -66,6 +72,15 @@ class AtomicWrite:
                 part.unlink(missing_ok=True)
 
 
+def _part_name(name: str, token: str) -> str:
+    return f".{name.replace('/', '.')}.{token}.physic-part"
+
+
+def parts_of(folder: Path, name: str) -> Iterator[Path]:
+    """Yield the temporary files of a file that killed processes have left; its name may begin with folders."""
+    return folder.glob(_part_name(glob.escape(name), "*"))
+
+
 @contextmanager
 def atomic_write(folder: Path) -> Iterator[AtomicWrite]:
     """Yield a function from a file name to a temporary path; on success, rename all temporary files.
@@ -81,7 +96,7 @@ def atomic_write(folder: Path) -> Iterator[AtomicWrite]:
     folder = Path(folder)
     write = AtomicWrite(folder)
     try:
-        with _locked(folder) as is_locked:
+        with locked(folder) as is_locked:
             if is_locked:  # else the files can be of another process that writes now
                 _clean(folder)
             try:
@@ -116,8 +131,12 @@ def check_writable(folder: str | os.PathLike[str]) -> Path:
 
 
 @contextmanager
-def _locked(folder: Path) -> Iterator[bool]:
-    """Lock a folder against other processes and threads; yield False where folders have no locks, as on Windows."""
+def locked(folder: Path) -> Iterator[bool]:
+    """Lock a folder against other processes and threads; yield False where folders have no locks, as on Windows.
+
+    Raises:
+        OSError: the folder cannot be opened.
+    """
     if sys.platform == "win32":
         yield False
         return
@@ -224,14 +243,42 @@ def _start(path: Path) -> bytes:
         return file.read(_START_BYTES)
 
 
+_UNREADABLE = {
+    errno.ENOENT: "there is no such file; check the path",
+    errno.ENOTDIR: "there is no such file; check the path",
+    errno.ELOOP: "it is a link to itself; name the file",
+    errno.EISDIR: "it is a folder; name a file",
+    errno.EINVAL: "it is not a regular file, but a pipe or a device; save its content as a file, and name that",
+}
+
+
+def unreadable(error: OSError) -> str:
+    """Return why a file cannot be read and what to do, as the end of a sentence."""
+    return _UNREADABLE.get(error.errno or 0, f"{error.strerror or error}; check who may read it")
+
+
+def check_regular(path: Path) -> None:
+    """Check that a path is that of a regular file, or of a link to one, without opening it.
+
+    Raises:
+        OSError: the file is missing, a folder, a pipe or a device, or cannot be found.
+    """
+    try:
+        mode = path.stat().st_mode
+    except ValueError as error:  # characters that no path has
+        raise FileNotFoundError(errno.ENOENT, str(error), str(path)) from error
+    if not stat.S_ISREG(mode):
+        number = errno.EISDIR if stat.S_ISDIR(mode) else errno.EINVAL
+        raise OSError(number, "not a regular file", str(path))
+
+
 def open_regular(path: Path) -> BufferedReader:
     """Open a regular file, or a link to one, for reading.
 
     Raises:
-        OSError: the file is missing, is not a regular file, or cannot be read.
+        OSError: the file is missing, is not a regular file, or cannot be read; :func:`unreadable` says why.
     """
-    if not stat.S_ISREG(path.stat().st_mode):
-        raise OSError(errno.EINVAL, "not a regular file", str(path))
+    check_regular(path)
     return path.open("rb")
 
 

@@ -12,6 +12,7 @@ import hashlib
 import io
 import itertools
 import json
+import logging
 import os
 import re
 import secrets
@@ -28,7 +29,9 @@ from physic_core.files.atomic import (
     atomic_write,
     check_own,
     check_writable,
+    locked,
     open_regular,
+    parts_of,
     read_regular,
     write_own,
 )
@@ -51,6 +54,7 @@ _RUN = re.compile(rb'\{\s*"schema": "physic-reconstruction",\s*"schema_version":
 _LISTED = re.compile(r"(?:[^/\\]*[^/\\.][^/\\]*/)*[^/\\]*[^/\\.][^/\\]*", re.DOTALL)
 """Name of a file of a result, which may lie in a folder beside the document."""
 _END_BYTES = 1000
+_LOG = logging.getLogger(__name__)
 _PARTS = f".{DOCUMENT_FILE}.*.physic-document"
 
 
@@ -158,6 +162,45 @@ def list_exports(folder: Path, files: Iterable[Path]) -> None:
         listed = {**_files(document), **{name: file_digest(folder / name) for name in names}}
         with atomic_write(check_writable(folder)) as write:
             _rename(folder, write, _write_parts(folder, write, {**document, "files": listed}, {}))
+
+
+def repair_result(folder: Path) -> None:
+    """Put the new files of a result in place if a process was killed while it did; a log message says so.
+
+    Where folders have no locks, nothing is done: another process may be writing there.
+    """
+    if not _is_torn(folder):
+        return
+    try:
+        with locked(folder) as is_locked:
+            if is_locked and _is_torn(folder) and _complete(folder):
+                _LOG.warning("%s: a process was killed while it wrote the result there, which was completed", folder)
+    except OSError as error:
+        _LOG.warning(
+            "%s: a process was killed while it wrote the result there, which cannot be completed: %s; allow writing",
+            folder,
+            error.strerror,
+        )
+
+
+def _is_torn(folder: Path) -> bool:
+    """Return whether a folder has no document but those that a killed process has moved away or not yet renamed."""
+    return not os.path.lexists(folder / DOCUMENT_FILE) and any(folder.glob(_PARTS))
+
+
+def _complete(folder: Path) -> bool:
+    """Make the result of the latest document whole, from its temporary files; return whether there is one."""
+    found = [(path, document) for path in folder.glob(_PARTS) if (document := _document(path)) is not None]
+    for path, document in sorted(found, key=lambda each: each[0].stat().st_mtime_ns, reverse=True):
+        digests = _files(document)
+        ready = {
+            name: part for name in digests for part in parts_of(folder, name) if file_digest(part) == digests[name]
+        }
+        if ARRAYS_FILE in ready or file_digest(folder / ARRAYS_FILE) == digests.get(ARRAYS_FILE):
+            unchanged, edited = _earlier_files(folder, Replaced(""))
+            _swap(folder, AtomicWrite(folder, ready), path, list(edited), unchanged - {DOCUMENT_FILE, *digests})
+            return True
+    return False
 
 
 def _write_parts(folder: Path, write: AtomicWrite, document: Mapping[str, Any], contents: Mapping[str, bytes]) -> Path:
@@ -349,6 +392,7 @@ def add_report(folder: str | os.PathLike[str], reconstruction: Reconstruction | 
     folder = Path(folder)
     if not is_result(folder):
         raise InputError(f"no result in {folder}: name the folder of a finished run, or a folder of such folders")
+    repair_result(folder)
     check_own(folder / REPORT_FILE, mark=PAGE_MARK)
     shown = reconstruction
     try:
@@ -365,5 +409,5 @@ def add_report(folder: str | os.PathLike[str], reconstruction: Reconstruction | 
 
 
 def is_result(folder: str | os.PathLike[str]) -> bool:
-    """Return whether a folder has a result, valid or not."""
-    return os.path.isfile(os.path.join(folder, DOCUMENT_FILE))
+    """Return whether a folder has a result, valid or not, or one that a killed process has not completed."""
+    return os.path.isfile(os.path.join(folder, DOCUMENT_FILE)) or _is_torn(Path(folder))

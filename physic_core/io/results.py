@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.errors import ConfigError, InputError
-from physic_core.files.atomic import open_regular, read_regular
+from physic_core.files.atomic import open_regular, read_regular, unreadable
 from physic_core.files.npz import MAX_ARRAY_BYTES, read_arrays, read_names, write_arrays
 from physic_core.files.plain import Arrays, join, split
 from physic_core.files.text import parse_json, to_json
@@ -35,6 +35,8 @@ from physic_core.io.result_folder import (
     SCHEMA,
     Replaced,
     check_overwrite,
+    file_digest,
+    repair_result,
     write_result_files,
 )
 from physic_core.types import (
@@ -136,7 +138,8 @@ def load_reconstruction(folder: str | os.PathLike[str]) -> Reconstruction:
     """Read a reconstruction that :func:`save_reconstruction` wrote, and check that its files are complete.
 
     Raises:
-        InputError: a file is missing, damaged, of another run, or of another version; the result has only people.
+        InputError: a file is missing, damaged, changed, of another run, or of another version; the result has only
+            people.
     """
     document, arrays = _read(Path(folder))
     try:
@@ -148,6 +151,9 @@ def load_reconstruction(folder: str | os.PathLike[str]) -> Reconstruction:
             raise ValueError(f"image has the shape {arrays['image'].shape}, not that of the camera")
         result: Reconstruction = join(Reconstruction, document, _expanded(arrays, camera), sizes=sizes)
         _check_indices(result)
+        _check_digest(Path(folder), document)
+    except InputError:
+        raise
     except Exception as error:  # dataclasses raise many classes for invalid values
         raise damaged(Path(folder), error) from error
     return result
@@ -162,7 +168,9 @@ def load_people(folder: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
     Raises:
         InputError: a file is missing, damaged, of another run, or of another version.
     """
-    return {name: array for name, array in _read(Path(folder))[1].items() if not name.startswith(_OF_SCENE)}
+    document, arrays = _read(Path(folder))
+    _check_digest(Path(folder), document)
+    return {name: array for name, array in arrays.items() if not name.startswith(_OF_SCENE)}
 
 
 def read_image(folder: str | os.PathLike[str]) -> NDArray[np.uint8] | None:
@@ -171,7 +179,9 @@ def read_image(folder: str | os.PathLike[str]) -> NDArray[np.uint8] | None:
     Raises:
         InputError: a file is missing, damaged, of another run, or of another version.
     """
-    image = _read(Path(folder), ["image"])[1].get("image")
+    document, arrays = _read(Path(folder), ["image"])
+    _check_digest(Path(folder), document)
+    image = arrays.get("image")
     if image is not None and (image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8):
         raise damaged(Path(folder), ValueError(f"image is {image.dtype.name} {image.shape}"))
     return image
@@ -184,6 +194,7 @@ def read_document(folder: Path) -> dict[str, Any]:
         InputError: it is missing, damaged, not a reconstruction, or of another version.
     """
     path = folder / DOCUMENT_FILE
+    repair_result(folder)
     try:
         document = parse_json(read_regular(path, MAX_DOCUMENT_BYTES))
         if not isinstance(document, dict) or document.get("schema") != SCHEMA:
@@ -279,12 +290,23 @@ def _read(folder: Path, names: Collection[str] | None = None) -> tuple[dict[str,
     return document, arrays
 
 
+def _check_digest(folder: Path, document: Mapping[str, Any]) -> None:
+    """Raise InputError unless the arrays have the SHA-256 that the document of their result states.
+
+    The last check: others name what is wrong.
+    """
+    stated = document["files"].get(ARRAYS_FILE) if isinstance(document.get("files"), dict) else None
+    if file_digest(folder / ARRAYS_FILE) != stated:
+        wrong = f"its SHA-256 is not the one that {DOCUMENT_FILE} states, so it was changed since; copy it again"
+        raise damaged(folder / ARRAYS_FILE, ValueError(wrong))
+
+
 def _unreadable(path: Path, error: OSError) -> InputError:
     if isinstance(error, FileNotFoundError | NotADirectoryError):
         of_batch = next(path.parent.glob(f"photos/*/*/{path.name}"), None)
         which = "" if of_batch is None else f", of a batch that of one photo, such as {of_batch.parent}"
         return InputError(f"cannot read {path}: there is no such file; name the folder of a finished run{which}")
-    return InputError(f"cannot read {path}: {error.strerror}; check who may read it")
+    return InputError(f"cannot read {path}: {unreadable(error)}")
 
 
 def damaged(path: Path, error: Exception) -> InputError:

@@ -22,7 +22,7 @@ from physic_core.batch.journal import Journal, read_journals
 from physic_core.errors import InputError, OutputError
 from physic_core.files.atomic import atomic_write
 from physic_core.files.plain import write_value
-from physic_core.io.result_folder import add_report, save_report
+from physic_core.io.result_folder import add_report, is_result, save_report
 from physic_core.io.results import load_reconstruction, save_reconstruction
 from physic_core.types import Reconstruction
 from physic_scene import output
@@ -166,6 +166,33 @@ def test_over_an_old_result_an_interruption_leaves_one_that_can_be_read(operatio
     for folder in interruptions(operation, tmp_path / "old", tmp_path, how):
         marks.add(mark(load_reconstruction(folder)))
     assert marks == {mark(OLD), mark(NEW)}
+
+
+@pytest.mark.parametrize("operation", [save, save_compact, save_moment])
+def test_the_next_reader_completes_the_result_of_a_killed_process_and_says_so(
+    operation: Any, tmp_path: Path, caplog: pytest.LogCaptureFixture
+):
+    made(operation, tmp_path / "old", OLD)
+    new, completed = made(operation, tmp_path / "new", OLD, NEW), 0
+    for folder in interruptions(operation, tmp_path / "old", tmp_path, "killed"):
+        was_torn = not (folder / "reconstruction.json").exists()
+        caplog.clear()
+        found = mark(load_reconstruction(folder))
+        assert ("which was completed" in caplog.text) == was_torn
+        if was_torn:
+            completed += 1
+            assert (found, files(folder)) == (mark(NEW), new)
+    assert completed > 1
+
+
+def test_the_next_reader_keeps_a_file_that_the_user_edited_before_the_process_was_killed(tmp_path: Path):
+    save(tmp_path / "old", OLD)
+    (tmp_path / "old" / "preview.png").write_text("mine")
+    for folder in interruptions(save, tmp_path / "old", tmp_path, "killed"):
+        if is_result(folder):
+            load_reconstruction(folder)
+            kept = [path for path in folder.glob("preview*.png") if path.read_text() == "mine"]
+            assert len(kept) == 1
 
 
 @pytest.mark.parametrize("how", ["killed", "interrupted", "full"])

@@ -22,6 +22,8 @@ import physic_core.io.results as results
 from physic_core import Reconstruction, load_people, load_reconstruction, save_reconstruction
 from physic_core.errors import ConfigError, InputError, OutputError
 from physic_core.files.atomic import check_writable
+from physic_core.io.result_folder import digest_of
+from physic_core.io.results import read_image
 from physic_core.types import Intrinsics
 
 ROOT = Path(__file__).parents[2]
@@ -239,6 +241,7 @@ FX = '"fx": 128.0'
         ('"score": 0.875', '"score": [1]', "people.0.score"),
         ('"grade": "bad"', '"grade": "fine"', "fine"),
         (FX, '"fx": NaN', "NaN"),
+        (FX, '"fx": -128.0', "fx -128"),
         (FX, '"fx": 1e999', "1e999"),
         (FX, '"fx": ' + 900 * "[" + 900 * "]", "nested"),
         (FX, '"fx": ' + 100_000 * "[", "nested"),
@@ -247,7 +250,8 @@ FX = '"fx": 128.0'
         ('"height": 120', '"height": 121', "image"),
         ('"run": "', '"run": "x', "another run"),
     ],
-    ids=["version", "kind", "grade", "nan", "infinite", "nested", "deep", "digits", "missing", "size", "run"],
+    ids=["version", "kind", "grade", "nan", "negative", "infinite", "nested", "deep", "digits", "missing", "size",
+         "run"],
 )  # fmt: skip
 def test_a_document_with_invalid_values_is_refused(folder, before, after, word):
     path = folder / "reconstruction.json"
@@ -266,12 +270,16 @@ def test_an_edited_document_is_read_and_replaced_as_the_runs_own(folder, reconst
     assert {path.name for path in folder.iterdir()} == FILES["numbers"]
 
 
-def change_arrays(folder: Path, change: Callable[[dict[str, Any]], Any]) -> None:
+def change_arrays(folder: Path, change: Callable[[dict[str, Any]], Any], *, restated: bool = True) -> None:
     path = folder / "reconstruction.npz"
     with np.load(path) as file:
         arrays = dict(file)
     change(arrays)
+    before = digest_of(path.read_bytes())
     np.savez_compressed(path, **arrays)
+    if restated:
+        document = folder / "reconstruction.json"
+        document.write_text(document.read_text().replace(before, digest_of(path.read_bytes())))
 
 
 @pytest.mark.parametrize(
@@ -291,6 +299,19 @@ def change_arrays(folder: Path, change: Callable[[dict[str, Any]], Any]) -> None
 def test_invalid_or_missing_arrays_are_refused(folder, change, word):
     change_arrays(folder, change)
     assert word in message_of(folder)
+
+
+def double(arrays: dict[str, Any]) -> None:
+    arrays["people.0.vertices"] *= 2
+
+
+@pytest.mark.parametrize("read", [load_reconstruction, load_people, read_image])
+def test_arrays_that_were_changed_after_the_run_are_refused(folder, read):
+    change_arrays(folder, double)
+    read(folder)
+    change_arrays(folder, double, restated=False)
+    with pytest.raises(InputError, match=r"reconstruction\.npz: its SHA-256 is not the one that .*changed"):
+        read(folder)
 
 
 def test_a_pickle_in_the_arrays_is_not_opened(folder):
