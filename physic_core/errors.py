@@ -34,7 +34,7 @@ class OutputError(PhysicError):
 
 
 class ConfigError(PhysicError):
-    """Raised for an invalid configuration; the message lists all errors in it."""
+    """Raised for an invalid configuration or argument; the message lists all errors in it."""
 
 
 class PackageMissingError(ConfigError, InputError):

@@ -19,7 +19,7 @@ from physic_core.configuration.model import PhotoSettings
 from physic_core.configuration.problems import problems_from_pydantic
 from physic_core.errors import ConfigError, InputError
 from physic_core.files.image_file import IMAGE_SUFFIXES
-from physic_core.files.text import printable, quoted, shorten
+from physic_core.files.text import path_problem, printable, quoted, shorten
 from physic_core.io.result_folder import DOCUMENT_FILE
 
 _PHOTO_SUFFIXES = frozenset(suffix for suffixes in IMAGE_SUFFIXES.values() for suffix in suffixes)
@@ -147,6 +147,7 @@ def _items_of(source: str) -> Iterator[PhotoItem | None]:
     """Yield the photos of a folder, of a table, or a photo, and None for each file of a folder that is not a photo.
 
     Raises:
+        ConfigError: it is an address.
         InputError: there is no such file, or it is a table that is not a regular file.
     """
     # Unlike methods of Path, functions of os.path return False for a name that no file can have.
@@ -154,6 +155,8 @@ def _items_of(source: str) -> Iterator[PhotoItem | None]:
         paths = sorted(_files_below(source))
         yield from (PhotoItem.at(path) if is_photo else None for path, is_photo in paths)
     elif not os.path.exists(source):
+        if problem := path_problem(source):
+            raise ConfigError(f"no photos at {_show(source)}: {problem}")
         raise InputError(f"no photos at {_show(source)}: name files, folders, or a CSV table")
     elif source.lower().endswith(".csv"):
         if not os.path.isfile(source):  # reading a pipe would block

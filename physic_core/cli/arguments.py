@@ -1,23 +1,77 @@
-"""Validation of arguments that several commands share."""
+"""Types of arguments that several commands share: each kind of mistake is refused in one place, with exit code 2."""
 
 from __future__ import annotations
 
+import math
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import click
 
+from physic_core.files.text import path_problem
+
 
 class AnyPath(click.ParamType[Path]):
-    """Any path; the code that opens it reports errors."""
+    """The path of a file or folder; the code that opens it reports errors."""
 
     name = "path"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
-        if not str(value):
-            self.fail("it is empty: name a file or a folder", param, ctx)
+        if problem := path_problem(str(value)):
+            self.fail(problem, param, ctx)
         return Path(value)
+
+
+class FolderPath(AnyPath):
+    """The path of a folder, which need not be there."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        path = super().convert(value, param, ctx)
+        if os.path.lexists(path) and not os.path.isdir(path):
+            self.fail(f"{path} is not a folder: name one, or move that file away", param, ctx)
+        return path
+
+
+class Number(click.FloatRange):
+    """A finite number within bounds; click lets NaN pass."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value} is not a finite number", param, ctx)
+        return number
+
+
+class Numbers(click.ParamType[Any]):
+    """Comma-separated numbers, such as fx,fy,cx,cy; any number of them if the name ends in dots."""
+
+    def __init__(self, names: str) -> None:
+        self.name = names
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
+        try:
+            numbers = tuple(float(part) for part in str(value).split(","))
+        except ValueError:
+            numbers = ()
+        count = 0 if self.name.endswith("...") else self.name.count(",") + 1
+        if not numbers or len(numbers) != (count or len(numbers)):
+            self.fail(f"'{value}' is not comma-separated numbers: {self.name}", param, ctx)
+        return numbers
+
+
+class Device(click.ParamType[str]):
+    """The name of a compute device; whether it is there is checked when it is used."""
+
+    name = "device"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        from physic_core.adapters.devices import DEVICE_PATTERN
+
+        if not DEVICE_PATTERN.fullmatch(value):
+            self.fail(f"'{value}' is not a device: name cpu, cuda or cuda:N", param, ctx)
+        return str(value)
 
 
 def configuration_options(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from physic_core.cli.arguments import configuration_options
+from physic_core.cli.arguments import AnyPath, Device, Number, configuration_options
 from physic_core.cli.output import echo
 from physic_core.errors import OutputError
 
@@ -33,13 +33,13 @@ _LEVELS = ("pictures", "numbers", "people", "none")
 
 @click.command()
 @click.argument("photos", nargs=-1, required=True)
-@click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="Folder for all results.")
+@click.option("-o", "--out", type=AnyPath(), required=True, help="Folder for all results.")
 @click.option("--workers", type=click.IntRange(1, 1024), help="Worker processes. [default: by cores and memory]")
 @click.option("--save", type=click.Choice(_LEVELS), default="numbers", show_default=True, help=_SAVE)
 @click.option("--no-thumbnails", is_flag=True, help="Write no thumbnails and no contact sheet.")
 @click.option(
     "--timeout",
-    type=click.FloatRange(0, 10_000_000),
+    type=Number(0, 10_000_000),
     default=600,
     show_default=True,
     help="Limit of a photo, CPU seconds, and seconds without work; 0: none.",
@@ -55,7 +55,7 @@ _LEVELS = ("pictures", "numbers", "people", "none")
 @click.option("--address", metavar="ADDRESS", help="Address of a running cluster. [default: started here]")
 @click.option("--executor-set", metavar="KEY=VALUE", multiple=True, help="Executor setting; may be repeated.")
 @configuration_options
-@click.option("--device", metavar="NAME", help="cpu, cuda or cuda:N.")
+@click.option("--device", type=Device(), metavar="NAME", help="cpu, cuda or cuda:N.")
 def batch(
     photos: tuple[str, ...],
     out: Path,

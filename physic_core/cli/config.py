@@ -46,11 +46,12 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
     """Check a configuration and the options of its backends, and list what is missing on this machine.
 
     No backend is loaded: only a run shows whether they fit one another. A body model file is opened. Exits with code 2
-    if the configuration or the body model has errors or the device is missing, with 4 if files are missing, and with 5
-    if a backend is broken.
+    if the configuration has errors or the device is missing, with 3 if a file that it names cannot be used, with 4 if
+    weights or the body model are missing, and with 5 if a backend is broken.
     """
     from physic_core.configuration.model import load_config
     from physic_core.configuration.resolve import (
+        check_input_files,
         format_missing,
         missing_file_messages,
         missing_gpu,
@@ -59,6 +60,7 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
 
     found = load_config(file, preset=preset, overrides=overrides)
     plan = resolve(found)
+    check_input_files(found)
     files, device = missing_file_messages(plan), missing_gpu(plan)
     path = found.body_model.path
     if path is not None and Path(path).exists():

@@ -1,7 +1,7 @@
 """Exit codes of all commands, by error class.
 
-Code 2: the user has to correct the arguments or the configuration. Code 5: the author of a plugin has to correct the
-plugin. A configuration with errors of both kinds exits with 2.
+A code says what has to be mended, wherever the error was found. 2: an argument, a setting or the output folder. 3: a
+file that one of them names, or the choice of the photo. 4: what is installed. 5: a plugin, by its author.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ MEANINGS = {
 """Meaning of each exit code, as printed by ``physic --help``."""
 
 EXIT_CODES: dict[type[Exception], int] = {
-    BodyModelError: USAGE,
     AmbiguousBackendError: USAGE,
     BackendNotFoundError: USAGE,
     ConfigError: USAGE,
     DeviceError: USAGE,
     OutputError: USAGE,
     InputError: INPUT,
+    BodyModelError: INPUT,
     NoPersonError: INPUT,
     DownloadError: WEIGHTS,
     PackageMissingError: WEIGHTS,

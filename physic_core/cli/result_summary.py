@@ -10,6 +10,7 @@ from pathlib import Path
 
 import click
 
+from physic_core.cli.arguments import AnyPath
 from physic_core.cli.output import echo, format_table
 from physic_core.io.result_folder import REPORT_FILE
 from physic_core.io.results import PersonRecord, ResultRecord, read_record
@@ -22,7 +23,7 @@ _MIN_WIDTH = 30  # characters of the last column, on a narrow terminal
 
 
 @click.command("show")
-@click.argument("out", type=click.Path(path_type=Path))
+@click.argument("out", type=AnyPath())
 @click.option("-v", "--verbose", is_flag=True, help="Also print the time of each stage, and each check that is not ok.")
 def show_result(out: Path, verbose: bool) -> None:
     """Print the people, grade and warnings of the result in folder OUT, as `physic run` does at its end."""

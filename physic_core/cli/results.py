@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from physic_core.cli.arguments import AnyPath
 from physic_core.cli.output import echo, echo_json, format_table
 
 if TYPE_CHECKING:
@@ -16,12 +17,10 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("a", metavar="A", type=click.Path(path_type=Path))
-@click.argument("b", metavar="B", type=click.Path(path_type=Path))
+@click.argument("a", metavar="A", type=AnyPath())
+@click.argument("b", metavar="B", type=AnyPath())
 @click.option("--json", "as_json", is_flag=True, help="Print one object as JSON.")
-@click.option(
-    "--html", "page", type=click.Path(path_type=Path), metavar="FILE", help="Also write a page with the pictures."
-)
+@click.option("--html", "page", type=AnyPath(), metavar="FILE", help="Also write a page with the pictures.")
 def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
     """Compare the results in folders A and B, or all results of the same photos in them.
 
@@ -85,8 +84,8 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
 
 
 @click.command()
-@click.argument("results", metavar="OUT...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("-o", "--out", type=click.Path(path_type=Path), help="Write the page of one result to this file.")
+@click.argument("results", metavar="OUT...", nargs=-1, required=True, type=AnyPath())
+@click.option("-o", "--out", type=AnyPath(), help="Write the page of one result to this file.")
 @click.option("--title", metavar="TEXT", default="", help="Title of the page.  [default: name of the photo]")
 @click.option("--each", is_flag=True, help="In a folder of results, also write a page for each one.")
 def report(results: tuple[Path, ...], out: Path | None, title: str, each: bool) -> None:
@@ -115,14 +114,14 @@ def report(results: tuple[Path, ...], out: Path | None, title: str, each: bool) 
 
 
 def _write(folder: Path, out: Path | None, title: str, each: bool) -> None:
-    from physic_core.io.result_folder import add_report, is_result, save_report
+    from physic_core.io.result_folder import ARRAYS_FILE, add_report, is_result, save_report
 
     if out is not None:
         from physic_core.io.results import load_reconstruction
 
         result = load_reconstruction(folder)
         echo(f"wrote {save_report(result, out, title or result.photo_name or folder.resolve().name)}")
-    elif is_result(folder):
+    elif is_result(folder) or (folder / ARRAYS_FILE).is_file():  # arrays alone are not a folder of results
         echo(f"wrote {add_report(folder, title=title)}")
     else:
         _write_index(folder, each)
@@ -168,15 +167,13 @@ def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 
 
 @click.command()
-@click.argument("out", type=click.Path(path_type=Path))
+@click.argument("out", type=AnyPath())
 @click.option("--to", "name", metavar="FORMAT", help="A format of --list.  [default: by the suffix of -o]")
-@click.option(
-    "-o", "--out", "path", type=click.Path(path_type=Path), help="File or folder to write.  [default: a file in OUT]"
-)
+@click.option("-o", "--out", "path", type=AnyPath(), help="File or folder to write.  [default: a file in OUT]")
 @click.option("--person", type=int, multiple=True, metavar="N", help="Only person N of the result; may be repeated.")
 @click.option("--up", type=click.Choice(["y", "z", "camera"]), help="Up axis.  [default: the format's convention]")
 @click.option("--no-scene", is_flag=True, help="Omit scene and floor.")
-@click.option("--body-model", type=click.Path(path_type=Path), metavar="FILE", help="Your SMPLX_*.npz.")
+@click.option("--body-model", type=AnyPath(), metavar="FILE", help="Your SMPLX_*.npz.")
 @click.option("--names", type=click.Choice(["smplx", "mixamo", "unreal", "unity"]), help="Names of the bones.")
 @click.option("--skin", type=click.Choice(["photo", "neutral", "contact"]), help="Colours of the bodies.")
 @click.option("--texture-size", type=click.Choice(["512", "1024", "2048", "4096"]), help="Texels per side.")

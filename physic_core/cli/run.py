@@ -8,25 +8,8 @@ from typing import Any
 
 import click
 
-from physic_core.cli.arguments import AnyPath, configuration_options
+from physic_core.cli.arguments import AnyPath, Device, Number, Numbers, configuration_options
 from physic_core.cli.output import collect_plugin_messages, echo, reserve_folder, show_progress
-
-
-class _Numbers(click.ParamType[Any]):
-    """Comma-separated numbers, such as fx,fy,cx,cy; any number of them if the name ends in dots."""
-
-    def __init__(self, names: str) -> None:
-        self.name = names
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
-        try:
-            numbers = tuple(float(part) for part in str(value).split(","))
-        except ValueError:
-            numbers = ()
-        count = 0 if self.name.endswith("...") else self.name.count(",") + 1
-        if not numbers or len(numbers) != (count or len(numbers)):
-            self.fail(f"'{value}' is not comma-separated numbers: {self.name}", param, ctx)
-        return numbers
 
 
 def _setting(option: str, path: str, **attributes: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -66,16 +49,16 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
 @click.option("--report/--no-report", default=None, help=_REPORT)
 @click.option("--open", "open_page", is_flag=True, help="Open the page in a browser.")
 @configuration_options
-@_setting("--focal-px", "photo.focal_px", type=float, metavar="PX", help="Focal length in px of the photo file.")
-@_setting("--intrinsics", "photo.intrinsics", type=_Numbers("fx,fy,cx,cy"), help="Camera in px of the photo file.")
+@_setting("--focal-px", "photo.focal_px", type=Number(), metavar="PX", help="Focal length in px of the photo file.")
+@_setting("--intrinsics", "photo.intrinsics", type=Numbers("fx,fy,cx,cy"), help="Camera in px of the photo file.")
 @_setting(
     "--distortion",
     "photo.distortion",
-    type=_Numbers("k1,k2,p1,p2,k3"),
+    type=Numbers("k1,k2,p1,p2,k3"),
     help="Lens distortion of --intrinsics, in OpenCV's order.",
 )
-@_setting("--person", "photo.person", type=_Numbers("x,y"), multiple=True, help=_PERSON)
-@_setting("--box", "photo.box", type=_Numbers("x0,y0,x1,y1"), multiple=True, help="The same, by a box around a person.")
+@_setting("--person", "photo.person", type=Numbers("x,y"), multiple=True, help=_PERSON)
+@_setting("--box", "photo.box", type=Numbers("x0,y0,x1,y1"), multiple=True, help="The same, by a box around a person.")
 @_setting(
     "--depth", "photo.depth", metavar="FILE", help="Depth map of the photo: .npy or .exr in m, .png in mm, or .heic."
 )
@@ -90,28 +73,32 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
 @_setting(
     "--stature",
     "photo.stature",
-    type=_Numbers("metres,..."),
+    type=Numbers("metres,..."),
     help="Known standing height, metres: one for all people, or one per person from left to right, 0 where unknown; a "
     "note says who got which.",
 )
 @_setting(
     "--age",
     "photo.age",
-    type=_Numbers("years,..."),
+    type=Numbers("years,..."),
     help="Known age, years, like --stature: one for all people, or one per person from left to right, 0 where unknown.",
 )
 @_setting(
-    "--camera-height", "photo.camera_height", type=float, metavar="METRES", help="Known camera height above the floor."
+    "--camera-height",
+    "photo.camera_height",
+    type=Number(),
+    metavar="METRES",
+    help="Known camera height above the floor.",
 )
 @_setting(
     "--known-length",
     "photo.known_length",
-    type=_Numbers("x1,y1,x2,y2,metres"),
+    type=Numbers("x1,y1,x2,y2,metres"),
     multiple=True,
     help="Two pixels of the photo file and the true distance between their points; may be repeated.",
 )
 @_setting("--require-people", "photo.require_people", is_flag=True, help="Fail if the photo shows no person.")
-@_setting("--device", "run.device", metavar="NAME", help="cpu, cuda or cuda:N.")
+@_setting("--device", "run.device", type=Device(), metavar="NAME", help="cpu, cuda or cuda:N.")
 @_setting("--low-memory", "run.low_memory", is_flag=True, help="Close each backend right after its last use.")
 @click.option(
     "-v", "--verbose", is_flag=True, help="Also print each network, the time of each stage, and all messages."
@@ -169,12 +156,10 @@ def run(
         record = record_of(result, {path.name: file_digest(path) for path in written[1:]})
         print_summary(folder, record, verbose=verbose)
     if not quiet and not result.intrinsics.known:
-        sigma = result.intrinsics.focal_sigma
-        spread = "" if sigma is None else f" (± {sigma:.0%})"
-        what = "widths and heights in the scene" if result.scene.measured else "distances"
+        what = "widths and heights in the scene" if result.scene.measured else "all distances"
         echo(
-            f"the focal length, and with it all {what}, is an estimate{spread}: if you know it, give --focal-px PX, "
-            "in px of the photo file, or --intrinsics fx,fy,cx,cy",
+            f"{what} follow the focal length: if you know it, give --focal-px PX, in px of the photo file, or "
+            "--intrinsics fx,fy,cx,cy",
             err=True,
         )
     if open_page:

@@ -18,7 +18,8 @@ from typing import Any
 from physic_core.discovery.error_text import did_you_mean
 from physic_core.discovery.local_modules import with_folder
 from physic_core.errors import ConfigError
-from physic_core.files.text import from_json, parse_json, quoted
+from physic_core.files.atomic import read_regular, unreadable
+from physic_core.files.text import from_json, parse_json, path_problem, quoted
 from physic_core.interfaces import INTERFACES
 
 SettingsLayer = tuple[str, Mapping[str, Any]]
@@ -28,6 +29,7 @@ PATH_KEYS = (("body_model", "path"), ("photo", "depth"), ("photo", "pointmap"), 
 """Table and key of each path of a file; in a config file it is relative to the file."""
 
 _VARIABLE_PREFIX = "PHYSIC__"
+_MAX_BYTES = 64 << 20  # as of the document of a result
 _PRESETS = resources.files("physic_core.configuration") / "presets"
 _ALTERNATIVE_KEYS = {"photo": {"focal_px", "intrinsics"}, "body_model": {"name", "path"}}
 """Alternative keys of a table: a layer that sets one removes the others of earlier layers."""
@@ -74,14 +76,15 @@ def file_layers(file: str | os.PathLike[str], base: str, above: tuple[Path, ...]
         ConfigError: a file or preset cannot be read.
     """
     path = Path(os.path.expanduser(file))
-    if path.resolve() in above:
+    real = Path(os.path.realpath(path))  # Path.resolve raises RuntimeError for a link to itself
+    if real in above:
         raise ConfigError(f"{path} extends itself")
     is_result = path.suffix == ".json"
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_regular(path, _MAX_BYTES).decode("utf-8-sig")
         table = from_json(parse_json(text)["config"]) if is_result else tomllib.loads(text)
     except OSError as error:
-        raise ConfigError(f"cannot read the config {path}: {error.strerror}; name a TOML file") from error
+        raise ConfigError(f"cannot read the config {path}: {unreadable(error)}") from error
     except (ValueError, KeyError, TypeError) as error:
         kind = "the reconstruction.json of a run" if is_result else "valid TOML in UTF-8"
         raise ConfigError(f"{path} is not {kind}: {error}") from error
@@ -94,7 +97,7 @@ def file_layers(file: str | os.PathLike[str], base: str, above: tuple[Path, ...]
     try:
         if is_path(extended):
             # It builds on the preset "embedded", independently of the preset given for this one.
-            below = file_layers(path.parent / os.path.expanduser(extended), "embedded", (*above, path.resolve()))
+            below = file_layers(path.parent / os.path.expanduser(extended), "embedded", (*above, real))
         else:
             below = preset_layers(extended)
     except ConfigError as error:
@@ -202,5 +205,6 @@ def _complete_paths(table: dict[str, Any], folder: Path) -> None:
             own["backend"] = with_folder(own["backend"], folder)
     for name, key in PATH_KEYS:
         own = table.get(name)
-        if isinstance(own, dict) and isinstance(own.get(key), str):
+        # A text that cannot be a path is refused by the model.
+        if isinstance(own, dict) and isinstance(own.get(key), str) and not path_problem(own[key]):
             own[key] = str(folder / os.path.expanduser(own[key]))

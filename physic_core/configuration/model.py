@@ -15,12 +15,12 @@ from typing import Annotated, Any, Literal, get_origin, get_type_hints
 
 from pydantic import (
     AfterValidator,
-    BaseModel,
     ConfigDict,
     Field,
     PrivateAttr,
     Strict,
     ValidationError,
+    ValidationInfo,
     create_model,
     field_validator,
     model_validator,
@@ -42,8 +42,9 @@ from physic_core.discovery.hooks import PluginItem
 from physic_core.discovery.plugins import Found, find_item, find_items, import_item
 from physic_core.engine.settings import EngineSettings, with_overrides
 from physic_core.errors import ConfigError, PluginError
-from physic_core.files.text import quoted
+from physic_core.files.text import path_problem, quoted
 from physic_core.interfaces import INTERFACES
+from physic_core.interfaces.backend import StrictModel
 from physic_core.types import KnownLength, KnownSizes
 
 DEFAULT_PRESET = "embedded"
@@ -60,9 +61,8 @@ DEFAULT_ENERGY = "default"
 """Name of the core's preset."""
 
 
-class _Table(BaseModel):
-    # Without "constants", infinities become None in ``as_dict``.
-    model_config = ConfigDict(extra="forbid", frozen=True, ser_json_inf_nan="constants")
+class _Table(StrictModel):
+    """Base class of the tables of a configuration."""
 
 
 class _StrictTable(_Table):
@@ -70,6 +70,8 @@ class _StrictTable(_Table):
 
 
 def _absolute(path: str) -> str:
+    if problem := path_problem(path):
+        raise ValueError(problem)
     return os.path.abspath(os.path.expanduser(path))
 
 
@@ -179,8 +181,19 @@ class PhotoSettings(_Table):
 
     @field_validator("stature", "age", mode="before")
     @classmethod
-    def _list_of_numbers(cls, value: Any) -> Any:
-        return (value,) if type(value) in (int, float) else value
+    def _list_of_numbers(cls, value: Any, info: ValidationInfo) -> Any:
+        values = (value,) if type(value) in (int, float) else value
+        if isinstance(values, (list, tuple)) and all(type(each) in (int, float) for each in values):
+            given: dict[str, Any] = {str(info.field_name): tuple(values)}
+            KnownSizes(**given)  # whose message states the unit
+        return values
+
+    @field_validator("camera_height", mode="before")
+    @classmethod
+    def _height_in_metres(cls, value: Any) -> Any:
+        if type(value) in (int, float):
+            KnownSizes(camera_height=value)
+        return value
 
     @field_validator("known_length", mode="before")
     @classmethod
@@ -308,6 +321,15 @@ class Config(_Table):
             unit = self.photo.depth_unit or usual
             options |= {"scale": _unit_m(unit)} if unit else {}
         return BackendChoice(backend=_FROM_FILE, options={**(chosen.options if is_kept else {}), **options})
+
+    def input_files(self) -> dict[str, str]:
+        """Return the files that a run reads beside photo, weights and body model, by the setting that names each."""
+        files = {f"photo.{name}": getattr(self.photo, name) for name in ("depth", "pointmap", "keypoints")}
+        for interface in INTERFACES:
+            chosen: BackendChoice = getattr(self, interface)
+            if chosen == self.choice(interface) and chosen.backend.rpartition(":")[2] == _FROM_FILE:
+                files[f"{interface}.options.path"] = chosen.options.get("path")
+        return {name: str(path) for name, path in files.items() if path is not None}
 
     def with_backends(self, chosen: Mapping[str, tuple[str, Mapping[str, Any]]]) -> Config:
         """Return a copy with other backends; ``chosen`` maps interfaces to a backend's name and options."""

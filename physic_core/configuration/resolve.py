@@ -26,9 +26,11 @@ from physic_core.errors import (
     BackendError,
     BackendNotFoundError,
     ConfigError,
+    InputError,
     PhysicError,
     WeightsMissingError,
 )
+from physic_core.files.atomic import check_regular, unreadable
 from physic_core.files.text import quoted
 from physic_core.interfaces import INTERFACES
 from physic_core.types import Provenance
@@ -173,13 +175,34 @@ def require_available(plan: ResolvedPipeline) -> None:
     """Raise an error if files of a chosen backend, the body model, or the device are missing.
 
     Raises:
+        InputError: a file of the photo cannot be read, such as its depth map.
         WeightsMissingError: files are missing; the message lists them, and how to get each.
         DeviceError: only the device is missing.
         BackendError: the ``missing`` of a backend fails.
     """
+    check_input_files(plan.config)
     if files := missing_file_messages(plan):
         raise WeightsMissingError(format_missing((*files, *missing_gpu(plan)), ", and nothing was computed"))
     check_device(plan.device)
+
+
+def check_input_files(config: Config) -> None:
+    """Raise InputError unless the files of the photo, such as its depth map, and the body model are regular files.
+
+    A body model that is missing is one of the missing weights.
+
+    Raises:
+        InputError: one of them is missing, a folder, a pipe or a device.
+    """
+    files = config.input_files()
+    if config.body_model.path is not None and os.path.lexists(config.body_model.path):
+        files["body_model.path"] = config.body_model.path
+    for name, path in files.items():
+        try:
+            check_regular(Path(path))
+        except OSError as error:
+            where = f"{config.source(name)}: {name}"
+            raise InputError(f"{where}: cannot read {path}: {unreadable(error)}") from error
 
 
 def format_missing(texts: Sequence[str], end: str) -> str:

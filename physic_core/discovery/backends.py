@@ -161,7 +161,8 @@ def _explain_missing(name: str, interface: str | None) -> str:
     """Return why no backend has this name, and what to install or to write instead."""
     offers = list_backends(interface)
     names = sorted({offer.name for offer in offers})
-    parts = [f"no {interface or 'backend'} named '{name}'; installed: {', '.join(names) or 'none'}"]
+    there = f"installed: {', '.join(names) or 'none'}" if interface else "`physic plugins` lists what is installed"
+    parts = [f"no {interface or 'backend'} named '{name}'; {there}"]
     if restricted_to() is not None:
         # First, since a restriction may hide plugins that the later advice would install.
         parts.append(f"{PLUGINS_VARIABLE}={os.environ[PLUGINS_VARIABLE]!r} hides every other plugin: add to it")

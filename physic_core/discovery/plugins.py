@@ -29,7 +29,7 @@ from physic_core.discovery.entry_points import (
 from physic_core.discovery.error_text import describe_error, did_you_mean
 from physic_core.discovery.hooks import PROJECT, RECORDS, ExporterRecord, PluginItem
 from physic_core.discovery.plugin_code import named_plugin_code, plugin_code
-from physic_core.errors import ConfigError, InputError, PackageMissingError, PluginError
+from physic_core.errors import ConfigError, PackageMissingError, PluginError
 
 _Record = TypeVar("_Record", bound=PluginItem | ExporterRecord)
 _GLB = ExporterRecord(
@@ -215,7 +215,7 @@ def find_exporter(name: str | None, suffix: str = "") -> Found[ExporterRecord]:
     Its ``record`` is an :class:`physic_core.ExporterRecord`, its ``distribution`` the plugin's name.
 
     Raises:
-        InputError: no format has this name or suffix, or several have; the message names the distribution
+        ConfigError: no format has this name or suffix, or several have; the message names the distribution
             with the project's formats if it is missing.
         PackageMissingError: a package that the format needs is not installed.
     """
@@ -234,7 +234,7 @@ def find_exporter(name: str | None, suffix: str = "") -> Found[ExporterRecord]:
         offers = " or ".join(f"{each.record.name} of {each.distribution}" for each in found)
         same_name = len({each.record.name for each in found}) == 1
         choose = "uninstall one of them" if same_name else "state which (--to, or format= in Python)"
-        raise InputError(f"the format can be {offers}: {choose}")
+        raise ConfigError(f"the format can be {offers}: {choose}")
     known = ", ".join(each.record.name for each in exporters)
     choose = "; ".join((f"choose one of {known}", *missing_formats(exporters)))
     what = f"'{name or suffix}' is not an export format" if name or suffix else "the path has no suffix"
@@ -247,4 +247,6 @@ def find_exporter(name: str | None, suffix: str = "") -> Found[ExporterRecord]:
     hint = f"; '{wanted}' is an option: {' or '.join(options)}" if options else ""
     if wanted == "fbx":
         hint = "; FBX is made of the GLB by Blender: the command is in docs/exports.md under FBX"
-    raise InputError(f"{what}: {choose} (--to, or format= in Python; physic export --list says what each is for){hint}")
+    raise ConfigError(
+        f"{what}: {choose} (--to, or format= in Python; physic export --list says what each is for){hint}"
+    )

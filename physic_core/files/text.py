@@ -9,6 +9,7 @@ import csv
 import json
 import math
 import os
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TextIO
 
@@ -36,6 +37,17 @@ def shorten(text: str, limit: int) -> str:
 def printable(text: str) -> str:
     """Escape characters that a terminal obeys or cannot print; newlines and tabs are kept."""
     return "".join(c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode("ascii") for c in text)
+
+
+def path_problem(text: str) -> str:
+    """Return why a text cannot be the path of a file or folder, as the end of a sentence; "" if it can."""
+    if not text:
+        return "it is empty: name a file or a folder"
+    if re.match(r"(?:https?|ftp|file|data|s3|gs):", text, re.IGNORECASE):
+        return f"{quoted(text)} is an address, and PhySIC downloads nothing: save the file, and name its path"
+    if "\0" in text:
+        return f"{quoted(text)} has a null character, which no path has"
+    return ""
 
 
 def write_csv(file: TextIO, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:

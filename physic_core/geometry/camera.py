@@ -21,7 +21,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from physic_core.errors import InputError
+from physic_core.errors import ConfigError
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Intrinsics, UInt8Array
@@ -100,14 +100,14 @@ def check_distortion(camera: Intrinsics, distortion: Sequence[float]) -> None:
     """Check that the radial distortion does not fold the picture.
 
     Raises:
-        InputError: towards the corners, larger angles appear nearer to the centre.
+        ConfigError: towards the corners, larger angles appear nearer to the centre.
     """
     k1, k2, _, _, k3 = distortion
     x = max(camera.cx, camera.width - 1 - camera.cx) / camera.fx
     y = max(camera.cy, camera.height - 1 - camera.cy) / camera.fy
     r = np.linspace(0, np.hypot(x, y), _RADII)
     if (1 + 3 * k1 * r**2 + 5 * k2 * r**4 + 7 * k3 * r**6 <= 0).any():
-        raise InputError(
+        raise ConfigError(
             f"the distortion {', '.join(f'{v:g}' for v in distortion)} folds the picture onto itself near its corners: "
             "give k1, k2, p1, p2, k3 in OpenCV's order, with the intrinsics of the same calibration"
         )

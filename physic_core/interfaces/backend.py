@@ -6,9 +6,9 @@ import inspect
 from abc import ABC, ABCMeta, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal, TypeVar, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, field_validator
 
 from physic_core.errors import BackendOutputError, ConfigError, InputError
 from physic_core.interfaces.checks import check_type, require_image
@@ -20,11 +20,38 @@ if TYPE_CHECKING:
 Result = TypeVar("Result")
 
 
-class Options(BaseModel):
-    """Base class of a backend's settings; unknown keys are an error, every field needs a description."""
+class StrictModel(BaseModel):
+    """Base class of settings: they cannot be changed, and unknown keys are an error."""
 
     # Without "constants", results would record infinities as None.
     model_config = ConfigDict(extra="forbid", frozen=True, ser_json_inf_nan="constants")
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _refuse_bool(cls, value: Any, info: ValidationInfo) -> Any:
+        """Refuse true and false where no boolean is declared: pydantic takes them for 1 and 0."""
+        kind = cls.model_fields[str(info.field_name)].annotation
+        if _holds_bool(value) and not {bool, Any, object}.intersection(_leaves(kind)):
+            raise ValueError(f"should not be true or false (got {str(value).lower()})")
+        return value
+
+
+def _holds_bool(value: Any) -> bool:
+    return isinstance(value, bool) or (isinstance(value, (list, tuple)) and any(map(_holds_bool, value)))
+
+
+def _leaves(kind: Any) -> Iterator[Any]:
+    """Yield the types of which an annotation is made, such as float and None of ``tuple[float, ...] | None``."""
+    inner = get_args(kind)
+    if inner and get_origin(kind) is not Literal:
+        for each in inner:
+            yield from _leaves(each)
+    else:
+        yield from map(type, inner) if inner else (kind,)
+
+
+class Options(StrictModel):
+    """Base class of a backend's settings; unknown keys are an error, every field needs a description."""
 
 
 @dataclass(frozen=True)

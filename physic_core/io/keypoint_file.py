@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.errors import InputError
-from physic_core.files.atomic import read_regular
+from physic_core.files.atomic import read_regular, unreadable
 from physic_core.files.text import parse_json, quoted
 from physic_core.io.keypoint_forms import KeypointTable, Row, table_of
 from physic_core.types.short_repr import ShortRepr
@@ -80,7 +80,7 @@ def read_keypoints(path: str, width: int, height: int, photo: str = "") -> Given
         table = KeypointTable(tuple(_csv_rows(text)), False) if is_csv else table_of(parse_json(text), photo)
         return _given(table, is_csv, (width, height))
     except OSError as error:
-        raise InputError(f"cannot read the keypoints {path}: {error.strerror}") from error
+        raise InputError(f"cannot read the keypoints {path}: {unreadable(error)}") from error
     except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
         raise InputError(
             f"the keypoints {path} cannot be used (give CSV with the columns {', '.join(_COLUMNS)}, COCO JSON, or JSON "

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from PIL import Image
 
-from physic_core.errors import InputError
+from physic_core.errors import ConfigError, InputError
 from physic_core.files.image_file import MAX_PIXELS, ImageSource, decode, open_image, wrap_decoding_errors
 from physic_core.io.exif import EXIF_IFD, ORIENTATION, intrinsics_from_exif, swaps_sides
 from physic_core.io.result_folder import file_digest, image_digest
@@ -120,8 +120,8 @@ def limit_size(photo: Photo, max_side: int) -> Photo:
     """Resize a photo and its intrinsics so that the long side has at most ``max_side`` px.
 
     Raises:
-        InputError: the short side would be below ``MIN_SIDE`` px, or the intrinsics are invalid or have another image
-            size.
+        InputError: the short side would be below ``MIN_SIDE`` px.
+        ConfigError: the intrinsics are invalid, or have another image size.
     """
     height, width = photo.image.shape[:2]
     if photo.intrinsics is not None:
@@ -144,7 +144,7 @@ def limit_size(photo: Photo, max_side: int) -> Photo:
 
 def _check_camera(camera: Intrinsics, width: int, height: int) -> None:
     if (camera.width, camera.height) != (width, height):
-        raise InputError(
+        raise ConfigError(
             f"the intrinsics are for {camera.width} x {camera.height} px, but the image has {width} x {height} px: "
             f"give those of this image, or intrinsics.resized({width}, {height}) if it was only resized"
         )
@@ -152,12 +152,12 @@ def _check_camera(camera: Intrinsics, width: int, height: int) -> None:
     least, most = _FOCAL_RANGE
     for focal in (camera.fx, camera.fy):
         if not least <= focal / side <= most:
-            raise InputError(
+            raise ConfigError(
                 f"the focal length is {focal / side:.2g} times the long side of the photo, but should be "
                 f"{least:g} to {most:g} times: give it in px of the photo file"
             )
     if not (-0.5 <= camera.cx <= width - 0.5 and -0.5 <= camera.cy <= height - 0.5):
-        raise InputError(
+        raise ConfigError(
             f"the principal point ({camera.cx:g}, {camera.cy:g}) lies outside the photo of {width} x {height} px: "
             "give it in px of the photo file, or give only the focal length"
         )

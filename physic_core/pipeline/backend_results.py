@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.errors import BodyModelError
+from physic_core.errors import BodyModelError, ConfigError
 from physic_core.interfaces.bodies import valid_body_rows, valid_contact_rows, valid_hand_rows
 from physic_core.interfaces.people import valid_keypoint_rows
 from physic_core.types import BodyParameters
@@ -85,14 +85,15 @@ def convert_to_configured(bodies: Bodies, model: BodyModel, who: str, stages: St
     """Convert bodies to the configured body model, and add a note with the conversion error.
 
     Raises:
-        BodyModelError: the bodies have neither joints nor mesh, or too few joints for all people.
+        ConfigError: the bodies have neither joints nor mesh.
+        BodyModelError: they have too few joints for all people.
     """
     from physic_core.body.convert.bodies import can_convert, convert_with_residuals
     from physic_core.cache.correspondences import cached_correspondence
 
     if not can_convert(bodies, model):
         cure = "name = 'embedded'" if bodies.body_model == "embedded" else f"path = the file of a '{bodies.body_model}'"
-        raise BodyModelError(
+        raise ConfigError(
             f"{who} gives bodies for the body model '{bodies.body_model}', "
             f"but the configuration loads '{model.name}': set [body_model] {cure}, "
             f"or choose a body_estimator that gives '{model.name}'"

@@ -12,7 +12,7 @@ import torch
 from physic_core.adapters.people import box_iou, boxes_from_masks
 from physic_core.body.bones import rotations_from_parameters
 from physic_core.engine.sizes.stature import ADULT_YEARS, load_ages, resize_bodies
-from physic_core.errors import InputError, NoPersonError
+from physic_core.errors import ConfigError, InputError, NoPersonError
 from physic_core.geometry.tensors import tensor
 from physic_core.metrics.matching import assign
 from physic_core.types.arrays import select_people
@@ -59,7 +59,7 @@ def known_people(known: KnownSizes, people: People, *, chosen: bool = False) -> 
         chosen: whether the user chose the people.
 
     Raises:
-        InputError: there are several statures or ages, but not one per person.
+        ConfigError: there are several statures or ages, but not one per person.
     """
     years = _per_person(known.age, "age", people, chosen=chosen)
     return KnownPeople(years, _per_person(known.stature, "stature", people, chosen=chosen))
@@ -86,7 +86,7 @@ def _per_person(given: tuple[float, ...], name: str, people: People, *, chosen: 
         return None
     count = len(people)
     if len(given) > 1 and len(given) != count:
-        raise InputError(
+        raise ConfigError(
             f"{len(given)} {name}s were given, but {count} {'person was' if count == 1 else 'people were'} found: give "
             f"one {name} for all, or one per person from left to right with 0 where it is unknown"
         )

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.errors import ConfigError, InputError
+from physic_core.errors import ConfigError
 from physic_core.io.keypoint_file import GivenKeypoints, read_keypoints
 from physic_core.io.photo import Photo, limit_size
 from physic_core.pipeline.border import Border, cut_border, find_inside, limit_inside
@@ -63,8 +63,8 @@ def prepare_photo(
         known: px of the upright file, or None.
 
     Raises:
-        ConfigError: the intrinsics are those of another size of the picture.
-        InputError: people, keypoints or distortion cannot be used.
+        ConfigError: camera, people, known sizes or distortion cannot be used.
+        InputError: the keypoints cannot be used.
     """
     file_size = photo.file_size or photo.image.shape[1::-1]
     photo = _with_camera(photo, settings)
@@ -78,7 +78,8 @@ def prepare_photo(
     if people is None and (settings.person or settings.box):
         people = PeoplePrompt(settings.person, settings.box)
     prompt = None if people is None else resize_prompt(check_prompt(people, *file_size), file_size, (width, height))
-    sizes = settings.known_sizes(known).resized(width / file_size[0], height / file_size[1])
+    given = check_lengths(settings.known_sizes(known), *file_size)
+    sizes = given.resized(width / file_size[0], height / file_size[1])
     keypoints = None
     if settings.keypoints is not None:
         keypoints = read_keypoints(settings.keypoints, file_size[0], file_size[1], photo.name)
@@ -151,7 +152,7 @@ def undistort(
         distortion: k1, k2, p1, p2, k3.
 
     Raises:
-        InputError: the distortion folds the image.
+        ConfigError: the distortion folds the image.
     """
     # It imports torch, which other photos load beside the first network.
     from physic_core.geometry.camera import check_distortion, undistort_image, undistort_pixels
@@ -220,7 +221,7 @@ def check_prompt(prompt: PeoplePrompt, width: int, height: int) -> PeoplePrompt:
     """Validate the prompts for a photo of ``width`` x ``height`` px, and return them as tuples and a bool array.
 
     Raises:
-        InputError: there is no prompt; a point or box lies outside the photo; masks are of another size, are empty or
+        ConfigError: there is no prompt; a point or box lies outside the photo; masks are of another size, are empty or
             overlap.
     """
     points = tuple(_numbers(point, 2, "a point needs x, y in px") for point in prompt.points)
@@ -228,22 +229,40 @@ def check_prompt(prompt: PeoplePrompt, width: int, height: int) -> PeoplePrompt:
     masks = None if prompt.masks is None else np.asarray(prompt.masks)
     checked = PeoplePrompt(points, boxes, masks)  # type: ignore[arg-type]
     if not len(checked):
-        raise InputError("no person is chosen: give at least one point, box or mask, or omit the prompt for all people")
+        raise ConfigError(
+            "no person is chosen: give at least one point, box or mask, or omit the prompt for all people"
+        )
     size = f"the upright photo of {width} x {height} px"
     numbers = np.array([value for place in (*points, *boxes) for value in place])
     if ((numbers >= 0) & (numbers <= 1)).all() and (numbers % 1).any():
-        raise InputError(f"the coordinates of people look like shares of the picture: give px of {size}")
+        raise ConfigError(f"the coordinates of people look like shares of the picture: give px of {size}")
     for i, (x, y) in enumerate(checked.points):
         if not (-0.5 <= x < width - 0.5 and -0.5 <= y < height - 0.5):
-            raise InputError(f"{checked.describe(i)} lies outside {size}: give x, y in its px")
+            raise ConfigError(f"{checked.describe(i)} lies outside {size}: give x, y in its px")
     for i, (x0, y0, x1, y1) in enumerate(checked.boxes, len(points)):
         if not (x0 < x1 and y0 < y1):
-            raise InputError(f"{checked.describe(i)} is empty: give x0, y0, x1, y1 with x0 < x1 and y0 < y1")
+            raise ConfigError(f"{checked.describe(i)} is empty: give x0, y0, x1, y1 with x0 < x1 and y0 < y1")
         if not (x1 > 0 and y1 > 0 and x0 < width and y0 < height):
-            raise InputError(f"{checked.describe(i)} lies outside {size}: give x0, y0, x1, y1 in its px")
+            raise ConfigError(f"{checked.describe(i)} lies outside {size}: give x0, y0, x1, y1 in its px")
     if masks is not None:
         _check_masks(masks, width, height)
     return checked
+
+
+def check_lengths(known: KnownSizes, width: int, height: int) -> KnownSizes:
+    """Return the known sizes if the pixels of all lengths are in the photo of ``width`` x ``height`` px.
+
+    Raises:
+        ConfigError: one lies outside.
+    """
+    for length in known.lengths:
+        for x, y in (length.start, length.end):
+            if not (-0.5 <= x < width - 0.5 and -0.5 <= y < height - 0.5):
+                raise ConfigError(
+                    f"the known length of {length.metres:g} m has an end at ({x:g}, {y:g}), outside the upright photo "
+                    f"of {width} x {height} px: give x, y in its px"
+                )
+    return known
 
 
 def resize_prompt(prompt: PeoplePrompt, size: tuple[int, int], new_size: tuple[int, int]) -> PeoplePrompt:
@@ -252,7 +271,7 @@ def resize_prompt(prompt: PeoplePrompt, size: tuple[int, int], new_size: tuple[i
     Points are pixel centres at integers. Edges of boxes are half open. Masks are sampled at the nearest pixel.
 
     Raises:
-        InputError: no pixel of a mask is left.
+        ConfigError: no pixel of a mask is left.
     """
     if size == new_size:
         return prompt
@@ -264,7 +283,7 @@ def resize_prompt(prompt: PeoplePrompt, size: tuple[int, int], new_size: tuple[i
         masks = np.stack([cv2.resize(m.astype(np.uint8), new_size, interpolation=cv2.INTER_NEAREST) > 0 for m in masks])
         if not masks.any((1, 2)).all():
             lost = int((~masks.any((1, 2))).argmax()) + 1
-            raise InputError(
+            raise ConfigError(
                 f"mask {lost} has no pixels at {new_size[0]} x {new_size[1]} px: enlarge it, or raise photo.max_side"
             )
     return PeoplePrompt(
@@ -280,20 +299,20 @@ def _numbers(values: Any, count: int, wanted: str) -> tuple[float, ...]:
     except (TypeError, ValueError):
         numbers = ()
     if len(numbers) != count or not all(map(math.isfinite, numbers)):
-        raise InputError(f"{wanted}: give {count} finite numbers (got {values!r})")
+        raise ConfigError(f"{wanted}: give {count} finite numbers (got {values!r})")
     return numbers
 
 
 def _check_masks(masks: Any, width: int, height: int) -> None:
     if masks.ndim != 3 or masks.dtype != bool:
-        raise InputError(f"masks of people must be (M, H, W) bool, got {masks.shape} {masks.dtype}: convert them")
+        raise ConfigError(f"masks of people must be (M, H, W) bool, got {masks.shape} {masks.dtype}: convert them")
     if masks.shape[1:] != (height, width):
-        raise InputError(
+        raise ConfigError(
             f"the masks have {masks.shape[2]} x {masks.shape[1]} px, but the upright photo has {width} x {height} "
             f"px: give masks of the photo's size"
         )
     empty = [i + 1 for i in range(len(masks)) if not masks[i].any()]
     if empty:
-        raise InputError(f"mask {empty[0]} has no pixels: omit it, or mark the person's pixels")
+        raise ConfigError(f"mask {empty[0]} has no pixels: omit it, or mark the person's pixels")
     if len(masks) and masks.sum(0, dtype=np.int64).max() > 1:
-        raise InputError("masks of two people overlap: assign each pixel to at most one person")
+        raise ConfigError("masks of two people overlap: assign each pixel to at most one person")

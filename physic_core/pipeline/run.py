@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from physic_core.cache.digests import CodeDigester  # imported before any backend: it detects later edits of their code
 from physic_core.configuration.model import as_config
 from physic_core.configuration.resolve import ResolvedPipeline, require_available, resolve, resolve_one
-from physic_core.errors import ConfigError, InputError, PhysicError
+from physic_core.errors import ConfigError, PhysicError
 from physic_core.io.photo import Photo, photo_path_for_messages, read_photo
 from physic_core.pipeline.prepared_photo import prepare_photo
 from physic_core.pipeline.stage_runner import LoadedBackends, StageRunner
@@ -141,8 +141,9 @@ class Pipeline:
             Everything in metres in the OpenCV camera frame (x right, y down, z forward).
 
         Raises:
-            InputError: the photo, its intrinsics, the chosen people or the known sizes cannot be used.
-            ConfigError: ``settings`` are invalid, or the photo contradicts a known size.
+            InputError: the photo cannot be used.
+            ConfigError: ``settings``, intrinsics, chosen people or known sizes are invalid, or the photo contradicts a
+                known size.
             NoPersonError: one of ``people`` was not found, or the photo shows no person and the config requires people.
             BackendError: a required backend failed, or returned an invalid result.
         """
@@ -297,7 +298,7 @@ class _Given:
     def camera(self) -> Intrinsics | None:
         """Return the given camera; it counts as known unless it is a guess."""
         if self.intrinsics is not None and not isinstance(self.intrinsics, Intrinsics):
-            raise InputError(
+            raise ConfigError(
                 f"intrinsics must be physic_core.types.Intrinsics, got {type(self.intrinsics).__name__}: "
                 "pass Intrinsics(fx, fy, cx, cy, width, height) in px of the image"
             )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
@@ -39,7 +40,7 @@ class Intrinsics:
         focal_sigma: standard deviation of the logarithm of the focal length, or None if it is not known.
 
     Raises:
-        ValueError: ``trust`` is not one of the three values.
+        ValueError: a focal length is not positive and finite, or ``trust`` is not one of the three values.
     """
 
     fx: float
@@ -54,6 +55,8 @@ class Intrinsics:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "trust", CameraTrust(self.trust))
+        if not (0 < self.fx < math.inf and 0 < self.fy < math.inf):
+            raise ValueError(f"a focal length should be above 0 px, and finite (got fx {self.fx:g}, fy {self.fy:g})")
 
     @classmethod
     def from_focal(

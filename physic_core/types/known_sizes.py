@@ -58,7 +58,10 @@ class KnownSizes:
         least, most = _STATURES_M
         for height in self.stature:
             if height != 0 and not least <= height <= most:
-                raise ValueError(f"a stature should be {least} to {most} metres, or 0 where unknown (got {height:g})")
+                hint = f"; {height:g} cm are {height / 100:g} metres" if least <= height / 100 <= most else ""
+                raise ValueError(
+                    f"a stature should be {least} to {most} metres, or 0 where unknown (got {height:g}{hint})"
+                )
         for years in self.age:
             if not 0 <= years <= _OLDEST:
                 raise ValueError(f"an age should be 0 to {_OLDEST:g} years, 0 where unknown (got {years:g})")

@@ -143,6 +143,22 @@ def test_switches_of_pillow_change_nothing(kind: str, module, name: str, value, 
     assert getattr(module, name) == value
 
 
+def test_a_damaged_photo_is_shown_to_no_decoder_of_another_format(monkeypatch: pytest.MonkeyPatch):
+    shown: list[bytes] = []
+
+    def accept(prefix: bytes) -> bool:
+        shown.append(prefix)
+        return False
+
+    data = encoded("png")[:8] + bytes(1000)
+    monkeypatch.setattr(Image, "ID", ["OTHER", *Image.ID])
+    monkeypatch.setitem(Image.OPEN, "OTHER", (ImageFile.ImageFile, accept))
+    assert message_of(data) == of_bytes(data)
+    with pytest.raises(OSError, match="cannot identify"):
+        Image.open(io.BytesIO(data))
+    assert len(shown) == 1
+
+
 def test_threads_find_damage_and_leave_the_switches_as_they_were(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(ImageFile, "LOAD_TRUNCATED_IMAGES", True)
     data = cut(encoded("png"), len(encoded("png")) // 2)

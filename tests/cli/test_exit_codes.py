@@ -93,7 +93,7 @@ ENTRIES = "\n".join(
             for command in (("run", "photo.jpg"), ("config", "check"))
         ),
         (("config", "check", "--preset", "mock", "--set", "body_model.path=no/such.npz"), 4),
-        (("config", "check", "--preset", "mock", "--set", "body_model.path=wrong.npz"), 2),
+        (("config", "check", "--preset", "mock", "--set", "body_model.path=wrong.npz"), 3),
         (("config", "show", "--config", "missing.toml"), 2),
         (("run", "photo.jpg", "--preset", "mock", "--set", "inpainter.backend=lacking"), 4),
         (("run", "photo.jpg", "--preset", "mock"), 3),

@@ -133,7 +133,7 @@ def test_valid_results_have_no_violation(result: Any, changes: dict[str, Any]) -
         (POINTMAP, {"unknown": "metres"}, ["unknown must be one of scale, scale_shift, inverse_scale_shift..."]),
         (POINTMAP, {"shift_sigma": -0.1}, ["shift_sigma must be finite and at least 0, or None, got -0.1"]),
         (POINTMAP, {"intrinsics": np.eye(3)}, ["intrinsics must be Intrinsics, got ndarray"]),
-        (POINTMAP, {"intrinsics": replace(CAMERA, fx=np.nan)}, ["intrinsics must be finite numbers fx, fy, cx..."]),
+        (POINTMAP, {"intrinsics": replace(CAMERA, cx=np.nan)}, ["intrinsics must be finite numbers fx, fy, cx..."]),
         (DEPTH, {"intrinsics": CAMERA.resized(16, 12)}, ["intrinsics must be for 8 x 6 px, got 16 x 12"]),
         (DEPTH, {"intrinsics": replace(CAMERA, source=None)}, ["intrinsics.source must be str, got NoneType"]),
         (DEPTH, {"scale_sigma": np.nan}, ["scale_sigma must be a number from 0 to 1000 or None, got nan"]),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from physic_core import load_config, reconstruct
-from physic_core.errors import BackendOutputError, InputError, NoPersonError
+from physic_core.errors import BackendOutputError, ConfigError, NoPersonError
 from physic_core.interfaces import SegmenterRequest
 from physic_core.pipeline.known_people import person_at_point, select_chosen
 from physic_core.types import Keypoints, People, PeoplePrompt
@@ -103,7 +103,7 @@ def test_a_run_reconstructs_the_chosen_person(world: World, kind: type) -> None:
     by_config = load_config(preset="mock", overrides=["photo.person=[[1, 1]]"])
     with pytest.raises(NoPersonError, match=r"no person was found at point 1 \(1, 1\)"):
         reconstruct(world.image, by_config, backends=own)
-    with pytest.raises(InputError, match=r"point 1 \(9999, 1\) lies outside the upright photo"):
+    with pytest.raises(ConfigError, match=r"point 1 \(9999, 1\) lies outside the upright photo"):
         reconstruct(world.image, "mock", backends=own, people=PeoplePrompt(points=((9999, 1),)))
 
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from physic_core import InputError, Intrinsics, KnownLength, KnownSizes, PeoplePrompt, load_config, reconstruct
+from physic_core import ConfigError, Intrinsics, KnownLength, KnownSizes, PeoplePrompt, load_config, reconstruct
 from physic_core.geometry.camera import check_distortion, undistort_image, undistort_pixels
 from physic_core.io.photo import Photo
 from physic_core.pipeline.prepared_photo import undistort
@@ -64,7 +64,7 @@ def test_prompts_and_lengths_move_with_the_picture() -> None:
 
 
 def test_a_distortion_that_folds_the_picture_is_refused() -> None:
-    with pytest.raises(InputError, match=r"^the distortion -2, 0, 0, 0, 0 folds the picture onto itself near its"):
+    with pytest.raises(ConfigError, match=r"^the distortion -2, 0, 0, 0, 0 folds the picture onto itself near its"):
         check_distortion(CAMERA, (-2.0, 0, 0, 0, 0))
     check_distortion(CAMERA, BARREL)
 

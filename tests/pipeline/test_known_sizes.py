@@ -11,7 +11,7 @@ import pytest
 import torch
 from click.testing import CliRunner
 
-from physic_core import InputError, KnownLength, KnownSizes, Reconstruction, load_config, reconstruct
+from physic_core import KnownLength, KnownSizes, Reconstruction, load_config, reconstruct
 from physic_core.body import load_body
 from physic_core.body.bones import parameters_from_rotations, rotations_from_parameters
 from physic_core.cli import main
@@ -167,7 +167,7 @@ def test_statures_of_chosen_people_are_in_their_order() -> None:
 
 
 def test_too_many_statures_are_an_error() -> None:
-    with pytest.raises(InputError, match=r"^2 statures were given, but 1 person was found: give one stature for all"):
+    with pytest.raises(ConfigError, match=r"^2 statures were given, but 1 person was found: give one stature for all"):
         known_people(KnownSizes(stature=(1.5, 1.6)), people([70]))
 
 
@@ -215,9 +215,9 @@ def test_the_point_of_a_body_lies_on_the_ray() -> None:
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("stature=17.5", "photo.stature.0: should be"),
+        ("stature=17.5", "photo.stature: a stature should be 0.4 to 2.6 metres"),
         ("stature=0.2", "a stature should be 0.4 to 2.6 metres, or 0 where unknown (got 0.2)"),
-        ("camera_height=-1", "photo.camera_height: should be"),
+        ("camera_height=-1", "photo.camera_height: the camera height should be 0.01 to 1000 metres"),
         ("known_length=[1, 2, 30, 40, 0]", "photo.known_length.0.4: should be"),
         ("known_length=[1, 2, 1, 2, 3]", "a known length needs two different pixels (got (1.0, 2.0) and (1.0, 2.0))"),
     ],

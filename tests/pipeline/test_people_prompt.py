@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physic_core.errors import InputError
+from physic_core.errors import ConfigError
 from physic_core.pipeline.prepared_photo import check_prompt, resize_prompt
 from physic_core.types import PeoplePrompt
 
@@ -26,7 +26,7 @@ from physic_core.types import PeoplePrompt
     ],
 )
 def test_a_choice_that_cannot_be_meant_is_refused(prompt: PeoplePrompt, words: str) -> None:
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(ConfigError, match=words):
         check_prompt(prompt, 40, 30)
 
 
@@ -45,5 +45,5 @@ def test_prompts_follow_the_size_of_the_image() -> None:
 def test_a_mask_that_vanishes_when_the_photo_is_reduced_is_reported() -> None:
     mask = np.zeros((1, 30, 40), bool)
     mask[0, 29, 39] = True
-    with pytest.raises(InputError, match="mask 1 has no pixels at 8 x 6 px"):
+    with pytest.raises(ConfigError, match="mask 1 has no pixels at 8 x 6 px"):
         resize_prompt(PeoplePrompt(masks=mask), (40, 30), (8, 6))

@@ -12,7 +12,7 @@ from physic_core import Pipeline, body, load_config, reconstruct
 from physic_core.adapters.pictures import dilate
 from physic_core.configuration.model import PhotoSettings
 from physic_core.engine.joint.problem import OtherView
-from physic_core.errors import BodyModelError, ConfigError
+from physic_core.errors import ConfigError
 from physic_core.io.photo import Photo
 from physic_core.pipeline.backend_results import replace_hands
 from physic_core.pipeline.floor_and_scale import feet_pixels
@@ -65,7 +65,7 @@ def test_bodies_of_another_body_model(world: World) -> None:
         def infer(self, *arguments):
             return replace(super().infer(*arguments), body_model="smplx")
 
-    with pytest.raises(BodyModelError, match="'smplx', but the configuration loads 'embedded': set "):
+    with pytest.raises(ConfigError, match="'smplx', but the configuration loads 'embedded': set "):
         reconstruct(world.image, "mock", backends={"body_estimator": Smplx})
 
 

@@ -29,6 +29,7 @@ TABLES = {
     },
     "Limits of what is read": {
         "a setting": "test_every_setting_is_bounded",
+        "a file that an argument or a setting names": "test_a_mistake_is_one_message_with_the_code_of_its_kind",
         "a photo": "test_decoding_the_largest_image_of_each_format",
         "a photo, in a worker of `physic batch` or `physic serve`": "test_a_worker_takes_no_more_memory",
         "a JPEG": "test_the_number_of_scans_is_bounded",
@@ -47,7 +48,9 @@ LISTS = {
     },
     "Files that PhySIC writes": {
         "Each file of a result": "test_a_write_happens_completely_or_not_at_all",
-        "The files of a result belong together": "test_a_first_result_is_complete_or_not_there",
+        "The files of a result belong together": "test_a_first_result_is_complete_or_not_there "
+        "test_the_next_reader_completes_the_result test_the_next_reader_keeps_a_file",
+        "Arrays of a result are refused": "test_arrays_that_were_changed_after_the_run_are_refused",
         "Files of the cache": "test_folders_and_files_are_for_their_user_alone_whatever_the_umask",
         "A result without a row": "test_a_result_without_its_row_is_done_again",
         "A file of yours is never replaced": "test_every_foreign_file_is_named_at_once test_an_edited_file_and_a_link",

@@ -30,3 +30,11 @@ def test_trust_is_stated_by_the_enum_or_its_value_and_kept_when_resized(trust: C
 def test_any_other_trust_is_refused():
     with pytest.raises(ValueError, match="'sure' is not a valid CameraTrust"):
         replace(Intrinsics.from_focal(500.0, 640, 480), trust="sure")
+
+
+@pytest.mark.parametrize("focal", [0.0, -500.0, float("nan"), float("inf")])
+def test_a_focal_length_is_positive_and_finite(focal: float) -> None:
+    with pytest.raises(ValueError, match="focal length"):
+        Intrinsics.from_focal(focal, 640, 480)
+    with pytest.raises(ValueError, match="focal length"):
+        Intrinsics(500.0, focal, 319.5, 239.5, 640, 480)

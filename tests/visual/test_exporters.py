@@ -14,7 +14,7 @@ from click.testing import CliRunner, Result
 
 from physic_core import Reconstruction, find_exporter
 from physic_core.cli import main
-from physic_core.errors import InputError, PackageMissingError, PluginError
+from physic_core.errors import ConfigError, PackageMissingError, PluginError
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import camera_pose, export_frame
 
@@ -92,14 +92,14 @@ def test_a_broken_exporter_names_its_plugin(
 
 
 def test_a_suffix_of_two_formats_is_refused(plugin: Any):
-    with pytest.raises(InputError, match="can be ends of physic-box or text of physic-box"):
+    with pytest.raises(ConfigError, match="can be ends of physic-box or text of physic-box"):
         find_exporter(None, ".ends")
 
 
 def test_a_format_that_two_plugins_offer_is_refused(plugin: Any):
     plugin.install("physic-other", PLUGIN)
     for wanted in (("box", ""), (None, ".box")):
-        with pytest.raises(InputError, match="box of physic-box or box of physic-other"):
+        with pytest.raises(ConfigError, match="box of physic-box or box of physic-other"):
             find_exporter(*wanted)
 
 
@@ -109,14 +109,14 @@ def test_an_unknown_format_names_the_missing_distribution_with_more_formats(
 ):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
     done = physic("export", saved_pair, *arguments)
-    assert done.exit_code == 3
+    assert done.exit_code == 2
     assert "choose one of glb; further formats are in physic-export, which is not installed" in done.output
 
 
 def test_fbx_that_no_plugin_writes_is_refused_with_the_way_by_blender(saved_pair: Path):
     for arguments in (("--to", "fbx"), ("-o", "a.fbx")):
         done = physic("export", saved_pair, *arguments)
-        assert done.exit_code == 3
+        assert done.exit_code == 2
         assert "docs/exports.md" in done.output
 
 

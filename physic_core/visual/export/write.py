@@ -13,7 +13,7 @@ import numpy as np
 
 from physic_core.discovery.hooks import ExporterRecord
 from physic_core.discovery.plugins import Found, call_item, find_exporter
-from physic_core.errors import InputError, OutputError, PluginError
+from physic_core.errors import ConfigError, InputError, OutputError, PluginError
 from physic_core.files.atomic import atomic_write, check_writable, open_regular
 from physic_core.types.records import Exported, ExportedFiles
 from physic_core.visual.export.request import ExportRequest, export_frame
@@ -49,7 +49,8 @@ def export_reconstruction(
         options: of the format, such as ``names="mixamo"``; docs/exports.md lists them.
 
     Raises:
-        InputError: the format or an option is unknown, the result does not have what it needs, or a library is missing.
+        ConfigError: the format, a person or an option is not there, or a library is missing.
+        InputError: the result does not have what the format needs.
         OutputError: a file exists already and may not be replaced, or cannot be written.
         BodyModelError: the body model file cannot be used.
         PluginError: the exporter of a plugin cannot be imported, or fails.
@@ -58,7 +59,7 @@ def export_reconstruction(
     kind = exporter.record
     people, notes = _people(result, person, kind)
     if up is not None and up not in kind.ups:
-        raise InputError(f"{kind.name} is written with --up {' or '.join(kind.ups)}, not '{up}'")
+        raise ConfigError(f"{kind.name} is written with --up {' or '.join(kind.ups)}, not '{up}'")
     frame = export_frame(result.scene.floor, up or kind.ups[0])
     file = None if body_model is None else Path(os.path.expanduser(body_model))
     request = ExportRequest(result, people, frame, stem, suffix, scene, file, _options(kind, options))
@@ -73,7 +74,7 @@ def _target(path: Path, format: str | None) -> tuple[Found[ExporterRecord], Path
     """Return the exporter, and folder, stem and suffix of the files.
 
     Raises:
-        InputError: the format is unknown, the path has another suffix, or a package is missing.
+        ConfigError: the format is unknown, the path has another suffix, or a package is missing.
     """
     is_folder = path.is_dir() or (format is not None and not path.suffix)
     exporter = find_exporter(format, "" if is_folder else path.suffix)
@@ -81,7 +82,7 @@ def _target(path: Path, format: str | None) -> tuple[Found[ExporterRecord], Path
     if is_folder:
         return exporter, path, kind.stem or kind.name, kind.suffixes[0]
     if path.suffix.lower() not in kind.suffixes:
-        raise InputError(
+        raise ConfigError(
             f"{path} does not end in {' or '.join(kind.suffixes)}, as a file of the format {kind.name} must: "
             "name another file"
         )
@@ -109,7 +110,8 @@ def _people(
     """Return the indices of the people to write, and notes about those skipped.
 
     Raises:
-        InputError: a person does not exist or has no body, or the format needs a body and the result has none.
+        ConfigError: a person does not exist or has no body.
+        InputError: the format needs a body, and the result has none.
     """
     count = len(result.people)
     bodiless = {i for i, one in enumerate(result.people) if not np.isfinite(one.vertices).all()}
@@ -117,9 +119,9 @@ def _people(
     for index in wanted:
         if not 0 <= index < count:
             there = f"people are numbered 0 to {count - 1}" if count else "this result has no people"
-            raise InputError(f"there is no person {index}: {there}")
+            raise ConfigError(f"there is no person {index}: {there}")
         if person is not None and index in bodiless:
-            raise InputError(
+            raise ConfigError(
                 f"person {index} has no body, only a box and keypoints: the body estimator returned no finite values "
                 "for them; choose another person"
             )
@@ -135,15 +137,15 @@ def _options(kind: ExporterRecord, given: Mapping[str, str | bool]) -> dict[str,
     """Return the options of a format, with defaults.
 
     Raises:
-        InputError: the format has no such option, or not this value.
+        ConfigError: the format has no such option, or not this value.
     """
     for name, value in given.items():
         if name not in kind.options:
             there = f"its options are {', '.join(kind.options)}" if kind.options else "it has none"
-            raise InputError(f"the format {kind.name} has no option '{name}': {there}")
+            raise ConfigError(f"the format {kind.name} has no option '{name}': {there}")
         if value not in kind.options[name]:
             allowed = ", ".join(map(str, kind.options[name]))
-            raise InputError(f"the option '{name}' of the format {kind.name} is one of {allowed}, not '{value}'")
+            raise ConfigError(f"the option '{name}' of the format {kind.name} is one of {allowed}, not '{value}'")
     return {name: values[0] for name, values in kind.options.items()} | dict(given)
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from physic_core.cli.arguments import AnyPath
 from physic_core.cli.output import echo
 from physic_core.errors import ConfigError, PhysicError
 
@@ -67,10 +68,8 @@ def bench() -> None:
     "(metric_depth.options...) changes all rows. May be repeated.",
 )
 @click.option("--jobs", metavar="J", type=click.IntRange(1), default=1, show_default=True, help="Processes.")
-@click.option(
-    "-o", "--out", type=click.Path(path_type=Path), default=Path("physic-bench"), show_default=True, help="Folder."
-)
-@click.option("--cache", type=click.Path(path_type=Path), help="Keeps evidence.  [default: user's cache folder]")
+@click.option("-o", "--out", type=AnyPath(), default=Path("physic-bench"), show_default=True, help="Folder.")
+@click.option("--cache", type=AnyPath(), help="Keeps evidence.  [default: user's cache folder]")
 @click.option("--no-cache", is_flag=True, help="Keep no evidence between runs.")
 def accuracy(
     worlds: int,

@@ -12,7 +12,7 @@ import numpy as np
 
 from physic_bench.reading import numbers, read_npz
 from physic_core.body.joints import ROTATION_FIELDS
-from physic_core.errors import InputError
+from physic_core.errors import ConfigError, InputError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -54,11 +54,12 @@ class BodyFiles:
         """Return the file of a family ("smplx", "smpl") and gender.
 
         Raises:
-            InputError: none was given, or the folder does not hold it.
+            ConfigError: none was given.
+            InputError: the folder does not hold it.
         """
         given = self.smplx if family == "smplx" else self.smpl
         if given is None:
-            raise InputError(f"a {family.upper()} body needs the user's model file: give --{family} FILE or FOLDER")
+            raise ConfigError(f"a {family.upper()} body needs the user's model file: give --{family} FILE or FOLDER")
         names = [f"{family.upper()}_{gender.upper()}{suffix}" for suffix in (".npz", ".pkl")]
         found = next((given / name for name in names if (given / name).is_file()), given)
         if found.is_dir():

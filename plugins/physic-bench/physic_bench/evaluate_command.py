@@ -46,8 +46,8 @@ def evaluate() -> None:
 
 
 _COMMON = (
-    click.Argument(["root"], type=click.Path(path_type=Path)),
-    click.Option(["-o", "--out"], type=click.Path(path_type=Path), required=True, help="Folder for the results."),
+    click.Argument(["root"], type=AnyPath()),
+    click.Option(["-o", "--out"], type=AnyPath(), required=True, help="Folder for the results."),
     click.Option(
         ["--results"],
         metavar="[NAME=][READER:]FOLDER",
@@ -69,15 +69,13 @@ _COMMON = (
         help="Change one value of the configuration.",
     ),
     click.Option(["--no-camera"], is_flag=True, help="Do not give the true camera to the pipeline."),
-    click.Option(
-        ["--smplx"], type=click.Path(path_type=Path, exists=True), help="SMPL-X model file, or folder of them."
-    ),
-    click.Option(["--smpl"], type=click.Path(path_type=Path, exists=True), help="SMPL model file, or folder of them."),
+    click.Option(["--smplx"], type=AnyPath(), help="SMPL-X model file, or folder of them."),
+    click.Option(["--smpl"], type=AnyPath(), help="SMPL model file, or folder of them."),
     click.Option(["--workers"], type=click.IntRange(1), default=1, show_default=True, help="Processes."),
     click.Option(
         ["--frames"],
         metavar="FILE",
-        type=click.Path(path_type=Path),
+        type=AnyPath(),
         help="Text file with one frame per line: the frames to evaluate.",
     ),
     click.Option(["--limit"], metavar="N", type=click.IntRange(1), help="N frames, evenly spaced over all."),

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
-from physic_core.errors import InputError
+from physic_core.errors import ConfigError
 from physic_core.geometry.rotations import rotmat_to_quat
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.textures.photo import encode_image
@@ -55,13 +55,13 @@ def export_colmap(request: ExportRequest) -> ExportedFiles:
     ``sparse/0`` unless a file is named, the photo in ``images``, and the mask in ``masks``.
 
     Raises:
-        InputError: the scene is to be left out, or the named file is not cameras.bin.
+        ConfigError: the scene is to be left out, or the named file is not cameras.bin.
     """
     stem = PurePosixPath(request.stem)
     if stem.name != "cameras":
-        raise InputError(f"COLMAP reads cameras.bin, not {stem.name}{request.suffix}: name that file, or a folder")
+        raise ConfigError(f"COLMAP reads cameras.bin, not {stem.name}{request.suffix}: name that file, or a folder")
     if not request.scene:
-        raise InputError("this format has points of the scene: leave out --no-scene (scene=False in Python)")
+        raise ConfigError("this format has points of the scene: leave out --no-scene (scene=False in Python)")
     result = request.result
     people = np.any([np.zeros_like(result.scene.valid), *(person.mask for person in result.people)], axis=0)
     shown = result.scene.valid & np.isfinite(result.scene.points).all(-1) & ~people

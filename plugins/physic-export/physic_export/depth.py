@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
-from physic_core.errors import InputError
+from physic_core.errors import ConfigError
 from physic_core.visual.export.request import camera_pose
 from physic_core.visual.textures.photo import encode_image
 
@@ -54,10 +54,10 @@ def depth_picture(request: ExportRequest) -> tuple[bytes, tuple[str, ...]]:
     A pixel beyond the 65.535 m that 16 bits hold is 0 too, and a note counts them.
 
     Raises:
-        InputError: the scene is to be left out.
+        ConfigError: the scene is to be left out.
     """
     if not request.scene:
-        raise InputError("this format is the depth of the scene: leave out --no-scene (scene=False in Python)")
+        raise ConfigError("this format is the depth of the scene: leave out --no-scene (scene=False in Python)")
     scene = request.result.scene
     steps = np.where(scene.valid, np.rint(scene.points[..., 2] / UNIT_M), 0)
     far = steps > _MAX_STEPS

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from physic_core import Reconstruction
 from physic_core.cli import main
-from physic_core.errors import InputError
+from physic_core.errors import ConfigError
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
 
@@ -97,7 +97,7 @@ def test_pycolmap_reads_the_model(export, result: Reconstruction, tmp_path: Path
 def test_a_named_model_lies_beside_the_file_and_needs_colmaps_name(export, tmp_path: Path):
     export("cameras.bin")
     assert (tmp_path / "points3D.bin").is_file()
-    with pytest.raises(InputError, match="not a"):
+    with pytest.raises(ConfigError, match="not a"):
         export("a.bin")
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from physic_core import Reconstruction
-from physic_core.errors import InputError
+from physic_core.errors import ConfigError
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
 
@@ -50,7 +50,7 @@ def test_what_16_bits_cannot_hold_is_unknown_and_said(export, result: Reconstruc
 
 @pytest.mark.parametrize("name", ["depth", "nerfstudio", "colmap"])
 def test_depth_without_the_scene_is_refused(export, name: str):
-    with pytest.raises(InputError, match="--no-scene"):
+    with pytest.raises(ConfigError, match="--no-scene"):
         export("a", name, scene=False)
 
 

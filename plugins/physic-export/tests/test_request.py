@@ -16,7 +16,7 @@ from click.testing import CliRunner, Result
 
 from physic_core import Reconstruction, export_reconstruction, find_exporter
 from physic_core.cli import main
-from physic_core.errors import InputError, OutputError
+from physic_core.errors import ConfigError, InputError, OutputError, PhysicError
 from physic_export import physic_exporters
 
 
@@ -52,7 +52,7 @@ def test_a_suffix_selects_a_format(suffix: str, name: str):
     [(None, ".stl"), ("smplx", "")],
 )
 def test_an_unknown_format_is_refused_with_the_known_ones(name: str | None, suffix: str):
-    with pytest.raises(InputError, match=f"'{name or suffix}'.*amass, bvh"):
+    with pytest.raises(ConfigError, match=f"'{name or suffix}'.*amass, bvh"):
         find_exporter(name, suffix)
 
 
@@ -60,31 +60,38 @@ def test_an_unknown_format_is_refused_with_the_known_ones(name: str | None, suff
     ("name", "option"), [("mixamo", "--to bvh --names mixamo"), ("photo", "--to glb --skin photo")]
 )
 def test_the_value_of_an_option_in_place_of_a_format_is_refused_with_the_option(name: str, option: str):
-    with pytest.raises(InputError, match=f"'{name}' is an option: .*{option}"):
+    with pytest.raises(ConfigError, match=f"'{name}' is an option: .*{option}"):
         find_exporter(name)
 
 
 @pytest.mark.parametrize(
-    ("change", "name", "options", "message"),
+    ("kind", "change", "name", "options", "message"),
     [
-        (None, "a.bvh", {"person": 2}, "no person 2"),
-        (lambda result: without_body(result, 0), "a.bvh", {"person": 0}, "person 0 has no body"),
-        (lambda result: without_body(without_body(result, 0), 1), "a.bvh", {}, "no person of this result has a body"),
-        (lambda result: replace(result, people=()), "a.bvh", {}, "no people"),
-        (None, "a.bvh", {"up": "camera"}, "--up y or z"),
-        (without_floor, "a.xml", {}, "z up needs"),
-        (None, "a.ply", {"format": "obj"}, r"\.obj"),
+        (ConfigError, None, "a.bvh", {"person": 2}, "no person 2"),
+        (ConfigError, lambda result: without_body(result, 0), "a.bvh", {"person": 0}, "person 0 has no body"),
+        (
+            InputError,
+            lambda result: without_body(without_body(result, 0), 1),
+            "a.bvh",
+            {},
+            "no person of this result has a body",
+        ),
+        (InputError, lambda result: replace(result, people=()), "a.bvh", {}, "no people"),
+        (ConfigError, None, "a.bvh", {"up": "camera"}, "--up y or z"),
+        (InputError, without_floor, "a.xml", {}, "z up needs"),
+        (ConfigError, None, "a.ply", {"format": "obj"}, r"\.obj"),
     ],
 )
 def test_what_a_format_needs(
     result: Reconstruction,
     tmp_path: Path,
+    kind: type[PhysicError],
     change: Callable[[Reconstruction], Reconstruction] | None,
     name: str,
     options: dict[str, Any],
     message: str,
 ):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(kind, match=message):
         export_reconstruction(change(result) if change else result, tmp_path / name, **options)
     assert not list(tmp_path.iterdir())
 

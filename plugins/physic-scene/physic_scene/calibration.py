@@ -17,7 +17,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, PositiveInt, TypeAdapter, ValidationError, model_validator
 from scipy.spatial.transform import Rotation
 
-from physic_core.errors import InputError
+from physic_core.errors import ConfigError, InputError
+from physic_core.files.atomic import unreadable
 from physic_core.types import CameraTrust, Intrinsics, Lens
 from physic_core.types.short_repr import ShortRepr
 from physic_scene.calibration_forms import CameraFile, read_camera_file
@@ -133,14 +134,15 @@ def read_calibration(
         unit_m: length of the unit of ``t``, metres; None for 1, except for COLMAP and nerfstudio.
 
     Raises:
+        ConfigError: the unit is invalid or missing.
         InputError: the file cannot be read, a camera is invalid or of no photo, a photo has another
-            size than its camera, the unit is invalid or missing, or cameras are over 100 m apart without one.
+            size than its camera, or cameras are over 100 m apart without a unit.
     """
     if unit_m is not None and not 0 < unit_m <= _LARGEST_UNIT:
-        raise InputError(f"the unit of {path} is {unit_m:g} m, but should be above 0 and at most {_LARGEST_UNIT:g} m")
+        raise ConfigError(f"the unit of {path} is {unit_m:g} m, but should be above 0 and at most {_LARGEST_UNIT:g} m")
     rig, cameras = _cameras(path)
     if rig.of_images and unit_m is None:
-        raise InputError(
+        raise ConfigError(
             f"the unit of {path} is not known, as COLMAP and nerfstudio choose their own: give its "
             "length in metres by --camera-unit (unit_m in Python), which is a known distance divided "
             "by the same distance in the file"
@@ -207,7 +209,9 @@ def _cameras(path: Path) -> tuple[CameraFile, Mapping[str, _Table]]:
     except KeyError as error:
         cure = "docs/tools.md has the files that are read"
         raise InputError(f"cannot read the cameras of {path}: it lacks {error}; {cure}") from error
-    except (OSError, ValueError, TypeError, LookupError, ArithmeticError, RecursionError) as error:
+    except OSError as error:
+        raise InputError(f"cannot read the cameras of {path}: {unreadable(error)}") from error
+    except (ValueError, TypeError, LookupError, ArithmeticError, RecursionError) as error:
         raise InputError(f"cannot read the cameras of {path}: {error}") from error
 
 

@@ -9,44 +9,37 @@ from typing import TYPE_CHECKING
 
 import click
 
-from physic_core.cli.arguments import configuration_options
+from physic_core.cli.arguments import AnyPath, Number, Numbers, configuration_options
 
 if TYPE_CHECKING:
     from physic_scene.types import SceneResult
 
 
-def _length(ctx: click.Context, parameter: click.Parameter, metres: float | None) -> float | None:
-    if metres is not None and not 0 < metres < math.inf:
-        raise click.BadParameter(f"{metres:g} is no length: give metres, such as 0.01 for centimetres")
-    return metres
-
-
 @click.command()
-@click.argument("photos", metavar="PHOTO PHOTO...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="Folder for the results.")
+@click.argument("photos", metavar="PHOTO PHOTO...", nargs=-1, required=True, type=AnyPath())
+@click.option("-o", "--out", type=AnyPath(), required=True, help="Folder for the results.")
 @click.option("--overwrite", is_flag=True, help="Replace another photo's result.")
 @configuration_options
 @click.option(
     "--cameras",
     "calibration",
     metavar="FILE",
-    type=click.Path(path_type=Path),
+    type=AnyPath(),
     help="Calibrated cameras of some or all photos: TOML, or the files of another tool.",
 )
 @click.option(
     "--camera-unit",
     "unit_m",
     metavar="METRES",
-    type=float,
-    callback=_length,
+    type=Number(0, min_open=True),
     help="Length of the unit of --cameras, such as 0.01 for centimetres.  [default: 1]",
 )
 @click.option(
     "--stature",
-    metavar="METRES,...",
+    type=Numbers("metres,..."),
     help="Known standing heights: one for all people, or from left to right in the first photo, 0 where unknown.",
 )
-@click.option("--age", metavar="YEARS", type=float, help="Known age of all people.")
+@click.option("--age", metavar="YEARS", type=Number(), help="Known age of all people.")
 @click.option("-q", "--quiet", is_flag=True, help="Print only warnings and errors.")
 def scene(
     photos: tuple[Path, ...],
@@ -57,7 +50,7 @@ def scene(
     overrides: tuple[str, ...],
     calibration: Path | None,
     unit_m: float | None,
-    stature: str | None,
+    stature: tuple[float, ...] | None,
     age: float | None,
     quiet: bool,
 ) -> None:
@@ -67,19 +60,19 @@ def scene(
     the photo that shows most people.
     """
     start = time.monotonic()
-    statures = _numbers(stature, "--stature") if stature is not None else ()
     from physic_core import KnownSizes, load_config
     from physic_core.cli.output import echo, reserve_folder
     from physic_core.cli.result_summary import print_summary
-    from physic_core.errors import InputError
     from physic_scene.calibration import read_calibration
     from physic_scene.output import FILES, save_scene
     from physic_scene.scene import ScenePipeline
 
     try:
-        known = KnownSizes(stature=statures, age=() if age is None else (age,))
+        known = KnownSizes(stature=stature or (), age=() if age is None else (age,))
     except ValueError as error:  # which names the size
-        raise InputError(str(error)) from error
+        raise click.UsageError(str(error)) from error
+    if unit_m is not None and calibration is None:
+        raise click.UsageError("--camera-unit is the unit of a file of --cameras: give both, or leave it out")
     sizes, digests = _read(photos)
     cameras = None if calibration is None else read_calibration(calibration, photos, sizes, unit_m)
     if cameras and any(one and one.by_order for one in cameras):
@@ -117,14 +110,6 @@ def _page(result: SceneResult, *, quiet: bool) -> str:
         if not quiet:
             echo(f"no page: {error}", err=True)
         return ""
-
-
-def _numbers(text: str, option: str) -> tuple[float, ...]:
-    """Return numbers with commas between them."""
-    try:
-        return tuple(float(part) for part in text.split(","))
-    except ValueError as error:
-        raise click.UsageError(f"{option} {text}: give numbers with commas between them") from error
 
 
 def _read(photos: tuple[Path, ...]) -> tuple[list[tuple[int, int]], set[str]]:

@@ -9,7 +9,7 @@ import torch
 
 from physic_core import Pipeline
 from physic_core.body import load_body
-from physic_core.errors import InputError, NoPersonError
+from physic_core.errors import ConfigError, InputError, NoPersonError
 from physic_core.types import KnownSizes
 from physic_scene.calibration import KnownCamera
 from physic_scene.energy import require_default_engine
@@ -86,14 +86,14 @@ class ScenePipeline:
             one of known pose if there are any.
 
         Raises:
-            InputError: there are too few or too many photos, fewer than two show the same people, known poses are not
-                in metres, or several ages are given.
+            ConfigError: there are too few or too many photos, or several ages are given.
+            InputError: fewer than two photos show the same people, or known poses are not in metres.
             PhysicError: a single photo cannot be reconstructed; see :class:`physic_core.Pipeline`.
         """
         _check_number(len(photos), cameras=cameras)
         known, names = known or KnownSizes(), _unique([_name(photo, i) for i, photo in enumerate(photos)])
         if len(known.age) > 1:
-            raise InputError(
+            raise ConfigError(
                 "one age is that of all people of a moment: for several, give those of each photo to "
                 "ScenePipeline.alone, and its results to ScenePipeline.join"
             )
@@ -192,10 +192,10 @@ class ScenePipeline:
 def _check_number(count: int, **of_photos: Sequence[object] | None) -> None:
     if not FEWEST <= count <= MOST:
         cure = "choose the clearest ones" if count > MOST else "add others; `physic run` takes one photo"
-        raise InputError(f"a scene needs {FEWEST} to {MOST} photos of one moment, got {count}: {cure}")
+        raise ConfigError(f"a scene needs {FEWEST} to {MOST} photos of one moment, got {count}: {cure}")
     for name, values in of_photos.items():
         if values is not None and len(values) != count:
-            raise InputError(f"give {name} for each of the {count} photos, None where unknown, got {len(values)}")
+            raise ConfigError(f"give {name} for each of the {count} photos, None where unknown, got {len(values)}")
 
 
 def _unique(names: Sequence[str]) -> list[str]:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from physic_core.errors import InputError
+from physic_core.errors import ConfigError, InputError
 from physic_scene import read_calibration
 
 K = [[900.0, 0.0, 319.5], [0.0, 905.0, 239.5], [0.0, 0.0, 1.0]]
@@ -64,7 +64,7 @@ def test_a_camera_can_have_no_pose(written):
 def test_the_unit_of_the_file_can_be_given(written):
     camera, _ = read_calibration(written(camera_table()), PHOTOS, SIZES, 0.001)
     assert np.linalg.norm(camera.pose[:3, 3]) == pytest.approx(np.linalg.norm(TRANSLATION) / 1000)
-    with pytest.raises(InputError, match="unit"):
+    with pytest.raises(ConfigError, match="unit"):
         read_calibration(written(camera_table()), PHOTOS, SIZES, math.inf)
 
 

@@ -192,7 +192,7 @@ def test_two_different_photos_with_people_are_needed(solver, alone, rows, rest):
 
 @pytest.mark.parametrize("count", [1, 9])
 def test_a_scene_has_two_to_eight_photos(solver, alone, count):
-    with pytest.raises(InputError, match=f"got {count}"):
+    with pytest.raises(ConfigError, match=f"got {count}"):
         solver.join([alone[0]] * count)
 
 

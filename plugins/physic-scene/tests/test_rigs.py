@@ -13,7 +13,7 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from physic_core.cli import main
-from physic_core.errors import InputError
+from physic_core.errors import ConfigError, InputError
 from physic_scene import KnownCamera, read_calibration
 
 RIGS = Path(__file__).parent / "rigs"
@@ -111,7 +111,7 @@ def test_a_camera_that_stands_on_its_head_is_refused_as_the_size_does_not_tell(t
 
 @pytest.mark.parametrize("file", ["colmap", "nerfstudio"])
 def test_files_without_a_unit_need_one(file):
-    with pytest.raises(InputError, match="camera-unit"):
+    with pytest.raises(ConfigError, match="camera-unit"):
         read_calibration(RIGS / file, BY_FOLDER[:2], SIZES[:2])
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import click
 
-from physic_core.cli.arguments import configuration_options
+from physic_core.cli.arguments import AnyPath, configuration_options
 from physic_core.cli.output import echo
 from physic_core.errors import ConfigError
 
@@ -32,7 +32,7 @@ _EXPORTS = ("glb", "bvh", "usd", "mjcf")  # about 2 s of one core and 10 MB for 
     multiple=True,
     help=f"Format of physic export to write beside each result; may be repeated.  [default: {', '.join(_EXPORTS)}]",
 )
-@click.option("--folder", type=click.Path(path_type=Path), help="Where results lie.  [default: the temporary folder]")
+@click.option("--folder", type=AnyPath(), help="Where results lie.  [default: the temporary folder]")
 def serve(
     host: str,
     port: int,

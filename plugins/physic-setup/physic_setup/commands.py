@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from physic_core.cli.arguments import AnyPath, FolderPath
 from physic_core.cli.exit_codes import INTERRUPTED, OTHER, WEIGHTS
 from physic_core.cli.output import echo, echo_json
 from physic_core.errors import OutputError, PhysicError
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("file", type=click.Path(path_type=Path), default=Path("physic.toml"))
+@click.argument("file", type=AnyPath(), default=Path("physic.toml"))
 @click.option("--preset", metavar="NAME", default="embedded", show_default=True, help="Preset to build on.")
 def init(file: Path, preset: str) -> None:
     """Write a configuration to FILE that lists every setting with its meaning, commented out.
@@ -68,7 +69,7 @@ def schema() -> None:
 )
 @click.option(
     "--to",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=FolderPath(),
     metavar="FOLDER",
     help="Download to this folder, to copy it to a machine without network. Set PHYSIC_WEIGHTS to it there.",
 )
@@ -112,7 +113,7 @@ def _report(name: str, file: WeightFile) -> None:
 @click.argument("preset")
 @click.option(
     "--folder",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=FolderPath(),
     help="For checkouts, your own files and the configuration.  [default: physic-PRESET]",
 )
 @click.option(

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from physic_core.errors import InputError
+from physic_core.files.atomic import read_regular, unreadable
 
 if TYPE_CHECKING:
     import click
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from physic_bench.contract import Frame, Prediction
 
 _Item = TypeVar("_Item")
+_MAX_LIST_BYTES = 100_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,9 +79,11 @@ class Choice:
         if self.file is None:
             return evenly(names, self.limit)
         try:
-            lines = self.file.read_text(encoding="utf-8").splitlines()
-        except (OSError, UnicodeDecodeError) as error:
-            raise InputError(f"the list of frames {self.file} cannot be read: {error}") from error
+            lines = read_regular(self.file, _MAX_LIST_BYTES).decode().splitlines()
+        except OSError as error:
+            raise InputError(f"cannot read the list of frames {self.file}: {unreadable(error)}") from error
+        except UnicodeDecodeError as error:
+            raise InputError(f"cannot read the list of frames {self.file}: {error}") from error
         listed = [line.split("#")[0].strip().strip("/") for line in lines]
         listed = list(dict.fromkeys(name for name in listed if name))
         if unknown := sorted(set(listed) - set(names)):

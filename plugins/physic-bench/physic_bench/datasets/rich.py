@@ -42,7 +42,7 @@ from physic_bench.reading import (
     rotation,
 )
 from physic_core.body.joints import JOINT_NAMES
-from physic_core.errors import InputError
+from physic_core.errors import ConfigError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -73,7 +73,7 @@ def missing(root: Path, pictures: bool, split: str) -> list[str]:
 def frames(root: Path, choose: Callable[[list[str]], list[str]], bodies: BodyFiles, split: str) -> FrameSet:
     """Return the frames."""
     if bodies.smplx is None:
-        raise InputError("RICH holds parameters of SMPL-X: give --smplx FOLDER with SMPLX_MALE and SMPLX_FEMALE")
+        raise ConfigError("RICH holds parameters of SMPL-X: give --smplx FOLDER with SMPLX_MALE and SMPLX_FEMALE")
     names = [
         f"{folder.parent.name}/{folder.name}/{int(file.stem)}"
         for folder in sorted((root / "bodies" / split).glob("*/*"))

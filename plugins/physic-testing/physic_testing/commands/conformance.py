@@ -8,11 +8,13 @@ from typing import Any
 
 import click
 
-from physic_core.cli.arguments import require_interface, with_current_folder
+from physic_core.cli.arguments import Device, require_interface, with_current_folder
 from physic_core.cli.exit_codes import BACKEND, WEIGHTS
 from physic_core.cli.output import echo, echo_json, show_progress
 
-_DEVICE = click.option("--device", default="cpu", show_default=True, metavar="NAME", help="cpu, cuda or cuda:N.")
+_DEVICE = click.option(
+    "--device", type=Device(), default="cpu", show_default=True, metavar="NAME", help="cpu, cuda or cuda:N."
+)
 
 
 @click.command()

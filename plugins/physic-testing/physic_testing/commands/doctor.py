@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from physic_core.batch.workers import started_processes
-from physic_core.cli.arguments import require_interface, with_current_folder
+from physic_core.cli.arguments import Device, Number, require_interface, with_current_folder
 from physic_core.cli.exit_codes import BACKEND
 from physic_core.cli.output import echo, echo_json
 from physic_core.discovery.backends import find_by_name, list_backends, load_class, missing_requirements
@@ -76,8 +76,15 @@ class DoctorResult:
 @click.command()
 @click.argument("name", required=False)
 @click.option("--interface", metavar="NAME", help="Only backends of this interface.")
-@click.option("--device", default="cpu", show_default=True, metavar="NAME", help="cpu, cuda or cuda:N.")
-@click.option("--timeout", default=300.0, show_default=True, metavar="SECONDS", help="Time limit for each backend.")
+@click.option("--device", type=Device(), default="cpu", show_default=True, metavar="NAME", help="cpu, cuda or cuda:N.")
+@click.option(
+    "--timeout",
+    type=Number(1, 10_000_000),
+    default=300.0,
+    show_default=True,
+    metavar="SECONDS",
+    help="Time limit for each backend.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON.")
 @click.pass_context
 def doctor(

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import click
 
-from physic_core.cli.arguments import require_interface
+from physic_core.cli.arguments import AnyPath, require_interface
 from physic_core.cli.output import echo
 
 
 @click.command()
 @click.argument("name")
 @click.option("--interface", required=True, metavar="NAME", help="Interface, such as metric_depth.")
-@click.option("--folder", type=click.Path(path_type=Path), help="Output folder.  [default: physic-NAME]")
+@click.option("--folder", type=AnyPath(), help="Output folder.  [default: physic-NAME]")
 def new(name: str, interface: str, folder: Path | None) -> None:
     """Create a plugin, physic-NAME, with one backend called NAME that passes the conformance kit.
 
