@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.visual.export.request import ExportFrame
 
+_FRAMES = 2
+"""Equal frames: readers that interpolate or differentiate refuse one."""
+
 _FRAME_RATE = 30.0
 """Frames per second of the one frame; Blender's add-on refuses less than its target rate, 30 by default."""
 
@@ -131,22 +134,25 @@ def _arrays(model: BodyModel, person: BodyParameters, frame: ExportFrame, gender
     trans = (person.transl[0].astype(np.float64) + pelvis) @ turn.T + shift - pelvis
     eyes = np.concatenate([person.leye_pose, person.reye_pose], 1)
     hands = np.concatenate([person.left_hand_pose, person.right_hand_pose], 1)
-    return {
-        "poses": np.concatenate([orient, person.body_pose, person.jaw_pose, eyes, hands], 1).astype(np.float64),
+    frames = {
+        "poses": np.concatenate([orient, person.body_pose, person.jaw_pose, eyes, hands], 1),
         "root_orient": orient,
-        "pose_body": person.body_pose.astype(np.float64),
-        "pose_jaw": person.jaw_pose.astype(np.float64),
-        "pose_eye": eyes.astype(np.float64),
-        "pose_hand": hands.astype(np.float64),
+        "pose_body": person.body_pose,
+        "pose_jaw": person.jaw_pose,
+        "pose_eye": eyes,
+        "pose_hand": hands,
         "trans": trans[None],
+        "expression": person.expression,
+        "expressions": person.expression,  # the name that Blender's add-on for SMPL-X reads
+    }
+    return {
+        **{name: np.repeat(values.astype(np.float64), _FRAMES, axis=0) for name, values in frames.items()},
         "betas": person.betas[0].astype(np.float64),
         "num_betas": np.array(person.betas.shape[1]),
-        "expression": person.expression.astype(np.float64),
-        "expressions": person.expression.astype(np.float64),  # the name that Blender's add-on for SMPL-X reads
         "gender": np.array(gender),
         "surface_model_type": np.array("smplx"),
         "mocap_frame_rate": np.array(_FRAME_RATE),
-        "mocap_time_length": np.array(1 / _FRAME_RATE),
+        "mocap_time_length": np.array(_FRAMES / _FRAME_RATE),
         "pelvis": pelvis,
         "pivot": np.array(_PIVOT),
         "frame": np.array(f"{frame.axes}; metres; hands are relative to flat hands"),

@@ -79,7 +79,8 @@ def test_smplfitter_poses_the_same_body_from_the_file(converted: Reconstruction,
     with np.load(converted.export(str(tmp_path / "a.npz"), person=0).files[0]) as arrays:
         poses, trans = (torch.from_numpy(arrays[name]).float() for name in ("poses", "trans"))
         shape = torch.from_numpy(np.concatenate([arrays["betas"], arrays["expression"][0]]))[None].float()
-    theirs = peer(pose_rotvecs=poses, shape_betas=shape, trans=trans)["vertices"][0].numpy()
+    assert torch.equal(poses[0], poses[1])
+    theirs = peer(pose_rotvecs=poses[:1], shape_betas=shape, trans=trans[:1])["vertices"][0].numpy()
     matrix = export_frame(converted.scene.floor, "z").from_camera
     np.testing.assert_allclose(theirs, transform_points(matrix, converted.people[0].vertices), atol=1e-5)
 
@@ -94,8 +95,8 @@ def test_embedded_bodies_are_fitted_and_the_error_is_stated(
         error = float(arrays["fit_error_m"])
         assert str(arrays["gender"]) == "female"
         assert str(arrays["surface_model_type"]) == "smplx"
-        assert arrays["poses"].shape == (1, 165)
-        assert arrays["trans"].shape == (1, 3)
+        assert arrays["poses"].shape == (2, 165)
+        assert arrays["trans"].shape == (2, 3)
         assert arrays["betas"].shape == (10,)
         assert float(arrays["mocap_frame_rate"]) == 30
     assert 0 < error < 0.01

@@ -161,8 +161,7 @@ def test_the_page_opens_on_the_main_people_in_the_photo_s_colours(make, show):
 
 
 def test_in_the_photo_s_view_the_photo_is_behind_the_bodies_until_the_view_turns(page, result):
-    for switch in ("people", "floor"):
-        click(page, f"[data-show={switch}]")
+    click(page, "[data-show=people]")
     click(page, "[data-view=camera]")
     seen = page.picture("#canvas")
     height, width = result.image.shape[:2]
@@ -176,8 +175,7 @@ def test_in_the_photo_s_view_the_photo_is_behind_the_bodies_until_the_view_turns
     page.evaluate("document.querySelector('#canvas').focus()")
     page.press("ArrowLeft")
     assert difference(seen, page.picture("#canvas")) > 0.05
-    for switch in ("people", "floor"):
-        click(page, f"[data-show={switch}]")
+    click(page, "[data-show=people]")
     click(page, "[data-view=people]")
     page.picture("#view")
 
@@ -226,6 +224,27 @@ def test_drags_upwards_end_above_the_floor_with_people_in_view(page):
     click(page, "[data-show=people]")
     click(page, "[data-view=people]")
     assert difference(seen, without) > 0.1
+
+
+def test_people_stay_in_view_whatever_is_dragged_zoomed_and_pressed(page):
+    x, y, width, height = page.box("#view canvas")
+    rng = np.random.default_rng(0)
+    for step in range(200):
+        if rng.random() < 0.7:
+            start, end = rng.uniform([0.1, 0.1], [0.9, 0.9], (2, 2)) * [width, height] + [x, y]
+            page.drag(tuple(start), tuple(end))
+        elif rng.random() < 0.7:
+            page.evaluate("document.querySelector('#canvas').focus()")
+            page.press(str(rng.choice(["+", "-", "ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight"])))
+        else:
+            click(page, f"[data-view={rng.choice(['people', 'angle', 'side', 'top', 'camera'])}]")
+        if step % 20 == 19:
+            seen = page.picture("#view")
+            click(page, "[data-show=people]")
+            without = page.picture("#view")
+            click(page, "[data-show=people]")
+            assert difference(seen, without) > 0.005, step
+    click(page, "[data-view=people]")
 
 
 def test_two_clicks_measure_the_distance_of_their_points(page, result):

@@ -75,7 +75,7 @@ function connect(stage, panel, select) {
       box.disabled = true;
       box.parentElement.title = "No floor was found in this photo.";
     }
-    if (box.checked !== (box.dataset.show !== "points")) show(); // the browser kept an earlier choice
+    show(); // the browser may have kept an earlier choice
   }
 }
 
@@ -85,8 +85,8 @@ async function start() {
   badge.textContent = data.grade ? `grade: ${data.grade}` : "no grade";
   badge.classList.add(data.grade ?? "soft");
   const byFocal = data.distance_sigma > data.scale_sigma
-    ? `; with the error of the focal length, distances from the camera ±${(100 * data.distance_sigma).toFixed(0)} %` : "";
-  byId("summary").textContent = (data.summary + byFocal).replaceAll(" %", "\u00a0%");
+    ? `distances from the camera ±${(100 * data.distance_sigma).toFixed(0)} % by focal length and scale, ` : "";
+  byId("summary").textContent = (byFocal + data.summary).replaceAll(" %", "\u00a0%");
   showRemarks(byId("remarks"), data);
   showChecks(byId("checks"), data);
   showLicenses(byId("licenses"), data);

@@ -235,8 +235,12 @@ class Stage {
     const thick = Math.max(width, height) / 400;
     this.wear("outline");
     this.renderer.render(this.scene, this.photoCamera);
-    for (let i = 0; i < 8; i++) {
-      context.drawImage(this.canvas, thick * Math.cos(i * Math.PI / 4), thick * Math.sin(i * Math.PI / 4), width, height);
+    // A white rim, so that the outline shows on clothes of its own colour.
+    for (const [picture, reach] of [[filled(this.canvas, "#fff"), 1.7 * thick], [this.canvas, thick]]) {
+      for (let i = 0; i < 16; i++) {
+        const angle = i * Math.PI / 8;
+        context.drawImage(picture, reach * Math.cos(angle), reach * Math.sin(angle), width, height);
+      }
     }
     this.wear(skin);
     this.renderer.render(this.scene, this.photoCamera);
@@ -459,6 +463,18 @@ function makePhotoCamera(data, root) {
     0, 0, -1, 0);
   camera.projectionMatrixInverse.copy(camera.projectionMatrix).invert();
   return camera;
+}
+
+// A picture of what a canvas shows, in one colour.
+function filled(canvas, color) {
+  const made = document.createElement("canvas"), { width, height } = canvas;
+  Object.assign(made, { width, height });
+  const context = made.getContext("2d");
+  context.drawImage(canvas, 0, 0);
+  context.globalCompositeOperation = "source-in";
+  context.fillStyle = color;
+  context.fillRect(0, 0, width, height);
+  return made;
 }
 
 // Squares of one metre on the floor, around people and camera; empty without a floor.
