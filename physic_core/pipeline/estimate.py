@@ -73,8 +73,6 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, PeoplePrompt, UInt8Array
 
 
-SIZES_OF_ADULTS = "sizes assume adults; for a child give --age"
-"""Note of a result with people and no known size."""
 _POINT_AT_PEOPLE = "if the photo shows one, point at them with --person x,y or --box x0,y0,x1,y1"
 
 
@@ -182,8 +180,6 @@ def run_backends(
         known, notes = _known_people(sizes, found_people, chosen=True)
         known = known.select(real)
     stages.note(*notes)
-    if len(people) and not sizes:
-        stages.note(SIZES_OF_ADULTS)
     keypoints, changed, contradicted = run.keypoints(image, people), None, None
     if given_keypoints is not None:
         from physic_core.pipeline.known_people import contradicted_keypoints, corrected_keypoints
@@ -246,6 +242,11 @@ def run_backends(
         found = find_floor_and_scale(floors, evidence, given_people, run.model, witness)
     depth = found.depth or own or run.depth_of_scale(inpainted, replace(hints, floor=found.plane, scale=found.scale))
     stages.note(*depth.notes)
+    for i, stature in found.small.items():
+        stages.warn(
+            f"person {np.flatnonzero(embodied)[i]} would be {stature:.1f} m tall on the floor of the others: "
+            "if this is a child, give --age"
+        )
 
     return Estimates(
         image=image,

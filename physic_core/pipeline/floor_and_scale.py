@@ -8,8 +8,8 @@ everything of known size votes on the scale (:mod:`physic_core.engine.sizes.scal
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -66,6 +66,7 @@ _NOT_ON_PLANE_NATS = -1.2  # for each person whose soles are seen, if there is n
 _NO_CAMERA_NATS = -1.0  # if there is no floor over which the camera has a height
 _STANDS = 0.5  # probability, of feet that are named in a note
 _DISAGREES = 0.25  # logarithm of a scale, of people who are named in a note
+_FEWEST_ON_FLOOR = 2  # people who tell each other's size
 _LIMBS = ("shoulder", "hip", "knee", "ankle")
 
 
@@ -80,6 +81,7 @@ class FloorAndScale:
         warning: that the scale is a guess, or "".
         stance: of the N people.
         depth: the given metric depth, at this scale; None without one, and if no size of a person gives the scale.
+        small: stature in metres of each person who stands on the floor of others and is much too small for an adult.
         measured: scale by that depth if it was measured; this scale is then that of the people alone.
     """
 
@@ -90,6 +92,7 @@ class FloorAndScale:
     stance: Stance
     depth: DepthMap | None = None
     measured: MeasuredScale | None = None
+    small: Mapping[int, float] = field(default_factory=dict)
 
 
 def floor_evidence(people: People, hole: BoolArray, keypoints: Keypoints, camera: Intrinsics) -> FloorEvidence:
@@ -212,7 +215,8 @@ def find_floor_and_scale(
     notes = _notes(vote, soles, seen.torsos, seen.feet & (stance.stands > _STANDS))
     rescaled = None if depth is None or own is None else rescaled_depth(depth, own, vote, notes)
     measured = measured_scale(depth, own, vote) if depth is not None and own is not None and decides else None
-    return FloorAndScale(search, plane, replace(vote.scale, notes=notes), "", stance, rescaled, measured)
+    small = _too_small(vote, soles, seen.feet & (seen.stance.stands > _STANDS), given.known)
+    return FloorAndScale(search, plane, replace(vote.scale, notes=notes), "", stance, rescaled, measured, small)
 
 
 class _Seen(NamedTuple):
@@ -375,6 +379,17 @@ def _notes(vote: ScaleVote, soles: Witnesses, torsos: Witnesses, stands: BoolArr
     others = np.isfinite(kind.scale) & (~voters | (np.abs(vote.residuals(kind)) > _DISAGREES))
     count = int(others.sum())
     return (f"feet or size of {_people(count)} suggest another scale",) if count else ()
+
+
+def _too_small(vote: ScaleVote, soles: Witnesses, stands: BoolArray, known: KnownPeople) -> dict[int, float]:
+    """Return the stature of people of unknown size who are too small for adults; feet ``stands`` (N, 2) bool stand."""
+    from physic_core.engine.sizes.stature import ADULT_STATURE_M
+
+    on_floor, unknown = np.isfinite(soles.scale) & stands.any(1), np.isnan(known.filled(len(stands))).all(0)
+    if on_floor.sum() < _FEWEST_ON_FLOOR:
+        return {}
+    ratio = np.where(on_floor & unknown, vote.residuals(soles), -np.inf)
+    return {int(i): ADULT_STATURE_M * math.exp(-ratio[i]) for i in np.flatnonzero(ratio > _DISAGREES)}
 
 
 def scale_note(contacts: Sequence[Sequence[BodyContact]], bodies: int, floor: Plane | None) -> str:

@@ -190,6 +190,16 @@ def test_people_who_contradict_each_other_make_the_scale_unsure():
     assert any("another scale" in note or "not on the floor" in note for note in contradict.scale.notes)
 
 
+def test_who_is_too_small_for_an_adult_on_the_floor_of_others_is_named():
+    """A person of adult size whose feet are 1.6 times too far away is a child of 1.1 m, if nothing else is known."""
+    world = World([(-0.6, 2.5), (0.7, 2.8), (0.1, 3.0)])
+    bodies = world.moved(1, 1.6)
+    assert world.answer(bodies=bodies).small == {1: pytest.approx(1.1, abs=0.1)}
+    assert world.answer().small == {}
+    known = KnownPeople(years=np.array([np.nan, 6.0, np.nan]))
+    assert world.answer(bodies=bodies, known=known).small == {}
+
+
 def test_a_known_stature_is_a_surer_witness(world):
     known = KnownPeople(stature=np.array([1.7, np.nan]))
     assert world.answer(known=known).scale.sigma < world.answer().scale.sigma

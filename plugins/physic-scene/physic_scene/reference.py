@@ -16,7 +16,6 @@ from physic_core.configuration.resolve import resolve
 from physic_core.engine.joint.problem import OtherView
 from physic_core.engine.sizes.stature import ADULT_YEARS
 from physic_core.pipeline.border import cut_camera, find_inside
-from physic_core.pipeline.estimate import SIZES_OF_ADULTS
 from physic_core.types import (
     Bodies,
     BodyParameters,
@@ -170,11 +169,10 @@ def solve_reference(given: ReferenceInput, config: Config) -> Reconstruction:
         found = pipeline(given.result.image, intrinsics=given.camera, people=prompt, complete=given.complete)
     ages = () if given.ages is None else given.ages
     notes = (f"person {i} is a child of {years:g} years" for i, years in enumerate(ages) if years < ADULT_YEARS)
-    given_notes = (note for note in found.notes if given.ages is None or note != SIZES_OF_ADULTS)
     # The pipeline takes a given camera for a known one.
     camera = replace(found.intrinsics, trust=given.camera.trust)
     return replace(
-        found, intrinsics=camera, photo=given.result.photo, lens=given.result.lens, notes=(*given_notes, *notes)
+        found, intrinsics=camera, photo=given.result.photo, lens=given.result.lens, notes=(*found.notes, *notes)
     )
 
 
