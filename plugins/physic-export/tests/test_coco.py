@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from physic_core import Reconstruction, reconstruct
-from physic_core.errors import InputError
+from physic_core.errors import ConfigError
 from physic_core.types import Lens, skeleton_named
 from physic_testing.worlds import build_world
 
@@ -91,7 +91,7 @@ def test_a_person_whom_the_photo_does_not_show_has_no_annotation(export, result:
 
 
 def test_two_formats_have_the_suffix_json(export):
-    with pytest.raises(InputError, match="coco of physic-export or nerfstudio of physic-export: state which"):
+    with pytest.raises(ConfigError, match="coco of physic-export or nerfstudio of physic-export: state which"):
         export("a.json")
 
 
