@@ -85,7 +85,7 @@ def test_a_dry_run_lists_the_photos_and_writes_nothing(tmp_path: Path, monkeypat
         ((".", "--shard", "5/4"), 2, "5/4"),
         ((".", "--save", "people+glb"), 2, "'people+glb' is not one of"),
         ((".", "--preset", "mock", "--set", "inpainter.backend=tella"), 2, "--set: inpainter.backend: "),
-        ((".", "--device", "tpu"), 2, "--device: run.device: "),
+        ((".", "--device", "tpu"), 2, "'--device': 'tpu'"),
     ],
     ids=["photos", "shard", "save", "backend", "device"],
 )

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from physic_core import ExportRequest, Reconstruction
-from physic_core.errors import InputError
+from physic_core.errors import ConfigError
 from physic_core.visual.export.request import export_frame
 from physic_core.visual.rig import rigs
 from physic_export.skeleton import BONE_NAMES, bone_names, skinned, t_pose, with_ends
@@ -135,6 +135,6 @@ def test_every_bone_has_a_name_of_its_own(style: str):
     ],
 )
 def test_an_option_that_a_format_does_not_have_is_an_error(export, tmp_path: Path, name: str, options, message: str):
-    with pytest.raises(InputError) as raised:
+    with pytest.raises(ConfigError) as raised:
         export(name, options.pop("format", None), **options)
     assert str(raised.value).startswith(message)
