@@ -14,7 +14,9 @@ OpenEXR = pytest.importorskip("OpenEXR")
 FILES = Path(__file__).parent / "exr"
 
 
-@pytest.mark.parametrize("name", ["blender5_bw_V_depth", "blender5_rgba_depth", "blender45_multilayer"])
+@pytest.mark.parametrize(
+    "name", ["blender5_bw_V_depth", "blender5_rgba_depth", "blender5_parts", "blender45_multilayer"]
+)
 def test_a_plane_at_3_m_that_blender_rendered_is_at_3_m_and_nothing_is_unknown(name: str) -> None:
     depth, _ = read_depth(FILES / f"{name}.exr", 1.0, None)
     assert depth.shape == (48, 64)
