@@ -19,5 +19,6 @@ names = [f"c{i}" for i in range(11)]
 CameraGroup([Camera(size=(64, 48), name=name) for name in names]).dump(sys.argv[1])
 loaded = CameraGroup.load(sys.argv[1]).get_names()
 print(f"aniposelib {version('aniposelib')}: written {' '.join(names)}, loaded {' '.join(loaded)}")
-raise SystemExit(loaded != sorted(names))
+if loaded != sorted(names):
+    raise SystemExit("the behaviour has changed")
 PYTHON

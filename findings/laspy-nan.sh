@@ -29,5 +29,6 @@ try:
 except OverflowError:
     refused = True
 print(f"laspy {laspy.__version__}: x = {x.tolist()}, smallest x of the header {read.header.mins[0]}, 1e9 refused: {refused}")
-raise SystemExit(not (abs(x[0] - 1.23) < 1e-9 and x[1] < -2e7 and read.header.mins[0] < -2e7 and refused))
+if not (abs(x[0] - 1.23) < 1e-9 and x[1] < -2e7 and read.header.mins[0] < -2e7 and refused):
+    raise SystemExit("the behaviour has changed")
 PYTHON

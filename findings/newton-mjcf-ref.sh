@@ -27,5 +27,6 @@ coordinate = float(builder.joint_q[0])
 upper = math.degrees(float(builder.joint_limit_upper[0]))
 version = importlib.metadata.version("newton")
 print(f"MuJoCo {mujoco.__version__}: {model.qpos0[0]:.3f} rad; newton {version}: {coordinate:.3f} rad, up to {upper:.0f} degrees")
-raise SystemExit(not (abs(model.qpos0[0] - math.pi / 6) < 1e-6 and coordinate == 0.0 and abs(upper - 60) < 1e-3))
+if not (abs(model.qpos0[0] - math.pi / 6) < 1e-6 and coordinate == 0.0 and abs(upper - 60) < 1e-3):
+    raise SystemExit("the behaviour has changed")
 PYTHON

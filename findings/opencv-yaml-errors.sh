@@ -20,5 +20,6 @@ try:
 except Exception as error:
     found, cause = type(error).__name__, type(error.__cause__).__name__
 print(f"OpenCV {cv2.__version__}: {found}, caused by {cause}")
-raise SystemExit((found, cause) != ("SystemError", "error"))
+if (found, cause) != ("SystemError", "error"):
+    raise SystemExit("the behaviour has changed")
 PYTHON

@@ -50,5 +50,6 @@ print(
     f"pose2sim {version('pose2sim')}: distortions {camera['distortions']} of {distortion.ravel().tolist()}, "
     f"size {camera['size']} of [1920, 1080]; a corner moves by {np.linalg.norm(own - its):.1f} px"
 )
-raise SystemExit((camera["distortions"], camera["size"]) != ([-0.1, 0.02, 0.0, 0.0], [1934.5, 1067.0]))
+if (camera["distortions"], camera["size"]) != ([-0.1, 0.02, 0.0, 0.0], [1934.5, 1067.0]):
+    raise SystemExit("the behaviour has changed")
 PYTHON

@@ -68,8 +68,8 @@ def resize_image(image: NDArray[Any], height: int, width: int, how: Resampling =
         is True where more than half is.
 
     Raises:
-        InputError: ``image`` is no such array; its numbers are larger than the method can compute exactly; the size is
-            not positive.
+        InputError: ``image`` is not an image array; its numbers are larger than the method can compute exactly; the
+            size is not positive.
     """
     if height < 1 or width < 1:
         raise InputError(f"an image cannot be resized to {width} x {height} px")

@@ -77,7 +77,7 @@ def with_bent_trunk(degrees: float) -> np.ndarray:
     return joints
 
 
-def nobody(height: float, left: float = 310.0) -> UnposedPerson:
+def stranger(height: float, left: float = 310.0) -> UnposedPerson:
     """A box without a body; that of the person is 400 px high."""
     return UnposedPerson((left, 0.0, left + 50, height), 0.5, "no pose fits the box")
 
@@ -169,8 +169,8 @@ def test_nothing_fails_where_all_is_well() -> None:
         ({"camera": Intrinsics(500, 500, 319.5, 239.5 - 0.16 * 480, 640, 480)}, "principal_point", 0.16, ""),
         ({"scene_camera": Intrinsics.from_focal(325, 320, 240)}, "focal_agreement", 0.3, "650 px"),
         ({"scene_camera": Intrinsics.from_focal(400, 640, 480)}, "focal_agreement", 0.25, "400 px"),
-        ({"unposed": (nobody(200), nobody(201))}, "unposed_people", 2.0, "2 people"),
-        ({"unposed": (nobody(200), nobody(199))}, "unposed_people", 1.0, "1 person"),
+        ({"unposed": (stranger(200), stranger(201))}, "unposed_people", 2.0, "2 people"),
+        ({"unposed": (stranger(200), stranger(199))}, "unposed_people", 1.0, "1 person"),
     ],
 )
 def test_a_fault_of_a_photo_fails_its_check_and_is_a_warning(
@@ -184,7 +184,7 @@ def test_a_fault_of_a_photo_fails_its_check_and_is_a_warning(
 
 
 def test_a_far_stranger_and_a_box_of_somebody_with_a_body_take_no_grade_away() -> None:
-    estimates, solution = case(unposed=(nobody(199), nobody(400, left=0.0)))
+    estimates, solution = case(unposed=(stranger(199), stranger(400, left=0.0)))
     estimates.people.masks[0, :400, :26] = True
     assert not [check for check in run_checks(estimates, solution) if check.failed]
 

@@ -65,9 +65,9 @@ def scene_parts(
 
     A hidden point has the class of the nearest visible one, within half a metre. A hidden point more than 10 cm above
     the floor is not floor. Points of any class within 4 cm of its plane are floor: labels around feet follow the
-    appearance of the feet. A point that faces up is no wall, and nobody stands on water: with such a label, it is floor
-    within 10 cm of the plane, and its class is unknown elsewhere. Points of one class are one surface if they are
-    connected by steps of less than two cells of 4 cm. Without a class, their normals also agree within 37 degrees.
+    appearance of the feet. A point that faces up is not a wall, and no one stands on water: with such a label, it is
+    floor within 10 cm of the plane, and its class is unknown elsewhere. Points of one class are one surface if they
+    are connected by steps of less than two cells of 4 cm. Without a class, their normals also agree within 37 degrees.
 
     Args:
         points: (n, 3) metres.

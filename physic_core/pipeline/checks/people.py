@@ -266,8 +266,8 @@ def bend(estimates: Estimates, solution: Solution, person: int) -> Measured:
     )
 
 
-# True knees of 23 such legs in films: 6, and 17 in nine of ten. Of 60 in photos four are beyond, 46 to 60 and of nobody
-# who is good without this check.
+# True knees of 23 such legs in films: 6, and 17 in nine of ten. Of 60 in photos four exceed it (46 to 60). None is of
+# a person whom the other checks call good.
 @_check(
     "Knee bent where the photo shows a straight leg",
     at_most=35,
